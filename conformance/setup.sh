@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Makes sure that what the plain build needs is there: a Rust toolchain, a C compiler and Python; and Node with the packages of the live view's 3D
-# part, without which the page is built without 3D.
+# Makes sure that what the plain build needs is there: a Rust toolchain, a C compiler and Python; and Node with the packages of
+# the live view's 3D part, without which the page is built without 3D. `setup.sh vision` also installs OpenCV, its real
+# photographs, and the libclang that reads its headers: `client/vision` and its tests need them.
 set -euo pipefail
 
 if ! command -v cargo >/dev/null; then
@@ -10,6 +11,11 @@ fi
 missing=""
 command -v cc >/dev/null || missing="$missing build-essential"
 command -v python3 >/dev/null || missing="$missing python3-minimal"
+if [ "${1:-}" = vision ]; then
+    for package in libopencv-dev opencv-doc clang libclang-dev; do
+        dpkg-query -W -f '${Status}' "$package" 2>/dev/null | grep -q "ok installed" || missing="$missing $package"
+    done
+fi
 if [ -n "$missing" ]; then
     echo "setup: installing$missing"
     if [ "$(id -u)" = 0 ]; then as_root=""; else as_root="sudo"; fi

@@ -3,15 +3,21 @@
 use std::fmt;
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, ToSocketAddrs};
+use std::path::PathBuf;
 use std::str::FromStr;
 use std::sync::Arc;
 
 use yarp_devices::embedded::{
     ARM_PORT, DriverOptions, EmbeddedWam, LinkAddresses, LinkMode, PACKET_PORT,
 };
-use yarp_devices::wam::can::{CanOptions, CanWam};
+use yarp_devices::simulation::SimulatorOptions;
+use yarp_devices::wam::can::CanWam;
 use yarp_devices::wam::{DynamicWam, SimulatedWam};
 use yarp_devices::{Device, DeviceError};
+use yarp_hosting::ArmConfiguration;
+use yarp_wire::settings::{NoSource, Origin, Parameters, Setting, Settings};
+
+use crate::error::Failure;
 
 /// An arm, as named on the command line.
 #[derive(Clone, Debug, Eq, PartialEq)]
@@ -64,16 +70,125 @@ impl fmt::Display for Arm {
 }
 
 impl Arm {
-    /// Starts the arm; `link_mode` applies to an arm behind its embedded PC.
-    pub(crate) fn start(self, link_mode: LinkMode) -> Result<Arc<dyn Device>, DeviceError> {
-        Ok(match self {
+    /// Starts the arm, with guards in front of any but the ideal simulation unless configured otherwise; `link_mode`
+    /// applies to an arm behind its embedded PC.
+    pub(crate) fn start(
+        self,
+        link_mode: LinkMode,
+        configuration: &ArmConfiguration,
+    ) -> Result<Arc<dyn Device>, DeviceError> {
+        let guarded = self != Self::Simulated;
+        let model = configuration.model.clone();
+        let arm: Arc<dyn Device> = match self {
             Self::Simulated => Arc::new(SimulatedWam::new()),
-            Self::Dynamic => Arc::new(DynamicWam::start()?),
+            Self::Dynamic => Arc::new(DynamicWam::start_with(model, SimulatorOptions::default())?),
             Self::Embedded => Arc::new(EmbeddedWam::start(DriverOptions::new(link_mode))?),
             Self::Can(interface) => {
-                Arc::new(CanWam::on_interface(&interface, CanOptions::default())?)
+                let options = configuration.can.clone();
+                Arc::new(CanWam::on_interface_with(model, &interface, options)?)
             }
-        })
+        };
+        configuration.narrow(arm.as_ref())?;
+        configuration.guard(arm, guarded)
+    }
+
+    /// Returns the interface of an arm on a CAN bus.
+    fn bus(&self) -> Option<&str> {
+        match self {
+            Self::Can(interface) => Some(interface),
+            _ => None,
+        }
+    }
+}
+
+/// Options for the configuration of the arm.
+#[derive(Clone, Debug, clap::Args)]
+pub(crate) struct ArmArgs {
+    /// The arm on the CAN bus is folded in its home pose now; confirmed by a person who looks at it
+    #[arg(long)]
+    home_confirmed: bool,
+    /// File with parameters of the arm, such as `payload (1.2 0 0 0.06)`; docs/bringing-up-your-wam.md lists them
+    #[arg(long, value_name = "FILE")]
+    arm_config: Option<PathBuf>,
+    /// File zerocal.conf of libbarrett: home pose and angles of the rotors
+    #[arg(long, value_name = "FILE")]
+    zero_calibration: Option<String>,
+    /// Payload at the tool plate: kg, and x, y, z of its centre in m
+    #[arg(
+        long,
+        value_name = "KG,X,Y,Z",
+        value_delimiter = ',',
+        num_args = 1,
+        allow_hyphen_values = true
+    )]
+    payload: Vec<f64>,
+    /// Put guards in front of the ideal simulation too: velocities and torques end when their commander falls silent
+    #[arg(long, conflicts_with = "no_guard")]
+    guard: bool,
+    /// Remove the guards in front of the arm
+    #[arg(long)]
+    no_guard: bool,
+    /// Seconds after which a velocity without a new command ends (default 1)
+    #[arg(long, value_name = "SECONDS")]
+    velocity_timeout: Option<f64>,
+    /// Seconds after which a torque, current or duty cycle without a new command ends (default 0.2)
+    #[arg(long, value_name = "SECONDS")]
+    effort_timeout: Option<f64>,
+}
+
+impl ArmArgs {
+    /// Returns the configuration of `arm`; options take precedence over the file.
+    pub(crate) fn configuration(&self, arm: &Arm) -> Result<ArmConfiguration, Failure> {
+        let mut settings = Settings::new();
+        if let Some(path) = &self.arm_config {
+            let text = std::fs::read_to_string(path).map_err(|error| {
+                let path = path.display();
+                Failure::ArmFile(io::Error::new(error.kind(), format!("{path}: {error}")))
+            })?;
+            let name = path.display().to_string();
+            if let Some(problem) = settings.read_text(&name, &text, &NoSource).first() {
+                let problem = io::Error::new(io::ErrorKind::InvalidData, problem.to_string());
+                return Err(Failure::ArmFile(problem));
+            }
+        }
+        let origin = Origin::CommandLine;
+        for (name, set) in [
+            ("homeConfirmed", self.home_confirmed),
+            ("guard", self.guard),
+            ("noGuard", self.no_guard),
+        ] {
+            if set {
+                settings.put(name, "true", &origin);
+            }
+        }
+        if let Some(path) = &self.zero_calibration {
+            settings.put("zeroCalibration", path.as_str(), &origin);
+        }
+        for (name, value) in [
+            ("velocityTimeout", self.velocity_timeout),
+            ("effortTimeout", self.effort_timeout),
+        ] {
+            if let Some(value) = value {
+                settings.put(name, value, &origin);
+            }
+        }
+        if !self.payload.is_empty() {
+            let numbers = self
+                .payload
+                .iter()
+                .map(|&number| Setting::new(number.into(), &origin));
+            settings.put_entry("payload".to_owned(), numbers.collect());
+        }
+        let parameters = Parameters::new(&arm.to_string(), settings, origin);
+        let configuration = ArmConfiguration::from_parameters(&parameters, arm.bus())?;
+        if let Some((name, origin)) = parameters.unused().next() {
+            let expected = format!("{origin}: the arm has no parameter {name}");
+            return Err(Failure::ArmFile(io::Error::new(
+                io::ErrorKind::InvalidData,
+                expected,
+            )));
+        }
+        Ok(configuration)
     }
 }
 

@@ -11,6 +11,8 @@ use yarp_ports::config::ConfigError;
 use yarp_view::{RecordError, ReplayError};
 use yarp_wrappers::OpenError;
 
+use crate::commands::PlanFailure;
+
 /// Error of a command. Errors that stock has a text for are printed by the command itself.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -27,6 +29,9 @@ pub(crate) enum Failure {
     /// The address given by `--listen`, `--connect` or `--ports` cannot be used.
     #[error("cannot set up the connections to the arm's PC")]
     LinkMode(#[source] io::Error),
+    /// The file with the configuration of the arm cannot be used.
+    #[error("cannot read the configuration of the arm")]
+    ArmFile(#[source] io::Error),
     /// The arm or the camera did not start.
     #[error(transparent)]
     Device(#[from] DeviceError),
@@ -49,6 +54,13 @@ pub(crate) enum Failure {
     #[cfg(all(unix, feature = "table"))]
     #[error(transparent)]
     Table(Box<dyn std::error::Error + Send + Sync>),
+    /// A step of calibration or recognition failed.
+    #[cfg(feature = "vision")]
+    #[error(transparent)]
+    Vision(Box<dyn std::error::Error + Send + Sync>),
+    /// A scene for a plan could not be read or written.
+    #[error(transparent)]
+    Plan(#[from] PlanFailure),
     /// The description of a robot is invalid.
     #[error(transparent)]
     Robot(#[from] RobotError),

@@ -105,6 +105,11 @@ pub(crate) async fn open(
             target: COMPONENT,
             "Port {name} failed to activate at tcp://{host}:{port}/ (address conflict)"
         );
+        if let Ok(Some(owner)) =
+            remote_admin::owner(&network.with_timeout(ALIVE_TIMEOUT), name).await
+        {
+            tracing::error!(target: COMPONENT, "{name} belongs to {owner}");
+        }
         return Ok(None);
     }
     match Port::open(network, name, options).await {

@@ -104,36 +104,47 @@ fn log_result(
     false
 }
 
-/// Returns true if two ports are connected, with the carrier that `destination` names, if any.
+/// Returns true if two ports are connected: with the carrier that `destination` names, else with any.
 pub(crate) async fn is_connected(
     network: &Network,
     source: &str,
     destination: &str,
 ) -> Result<bool> {
     let found = find_connection(network, source, destination).await?;
-    let connected = match found {
+    match found {
         Some((connection, wanted)) => {
             let Connection {
                 from, to, carrier, ..
             } = &connection;
-            tracing::info!(target: COMPONENT, "Connection found between {from} and {to} using carrier {carrier}");
-            *carrier == wanted
+            let connected = wanted.is_none_or(|wanted| is_carrier(carrier, &wanted));
+            if connected {
+                tracing::info!(target: COMPONENT, "Connection found between {from} and {to} using carrier {carrier}");
+            } else {
+                tracing::info!(target: COMPONENT, "No connection from {source} to {destination} found: {from} and {to} are connected using carrier {carrier}");
+            }
+            Ok(connected)
         }
-        None => false,
-    };
-    if !connected {
-        tracing::info!(target: COMPONENT, "No connection from {source} to {destination} found");
+        None => {
+            tracing::info!(target: COMPONENT, "No connection from {source} to {destination} found");
+            Ok(false)
+        }
     }
-    Ok(connected)
 }
 
-/// Returns the connection between two ports and its expected carrier.
-pub(crate) async fn find_connection(
+/// Returns true if a connection uses the wanted carrier; without modifiers in `wanted`, the connection may have any.
+fn is_carrier(carrier: &str, wanted: &str) -> bool {
+    let base = carrier.split('+').next().unwrap_or(carrier);
+    carrier == wanted || base == wanted
+}
+
+/// Returns the connection between two ports, and the carrier that `destination` or else `source` names.
+async fn find_connection(
     network: &Network,
     source: &str,
     destination: &str,
-) -> Result<Option<(Connection, String)>> {
+) -> Result<Option<(Connection, Option<String>)>> {
     let (from, to) = (Contact::parse(source), Contact::parse(destination));
+    let wanted = to.carrier.clone().or_else(|| from.carrier.clone());
     let Some(from) = network_access::find(network, &from).await? else {
         tracing::error!(target: COMPONENT, "Failure: could not find source port {source}");
         return Ok(None);
@@ -142,8 +153,8 @@ pub(crate) async fn find_connection(
         tracing::error!(target: COMPONENT, "Failure: could not find destination port {destination}");
         return Ok(None);
     };
-    match remote_admin::connection(network, &from, &reader.name).await {
-        Ok(known) => Ok(known.map(|known| (known, to.carrier.unwrap_or(reader.carrier)))),
+    match remote_admin::connection_of_either(network, &from, &reader).await {
+        Ok(known) => Ok(known.map(|known| (known, wanted))),
         Err(_) => {
             tracing::error!(target: COMPONENT, "Cannot connect to port {source}");
             Ok(None)
@@ -154,6 +165,19 @@ pub(crate) async fn find_connection(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_carrier_without_modifiers_means_any_modifiers() {
+        let check = |carrier: &str, wanted: &str, expected: bool| {
+            assert_eq!(is_carrier(carrier, wanted), expected, "{carrier} {wanted}");
+        };
+        check("udp", "udp", true);
+        check("udp", "tcp", false);
+        check("tcp+log.in", "tcp", true);
+        check("tcp+log.in", "tcp+log.in", true);
+        check("tcp", "tcp+log.in", false);
+        check("fast_tcp", "tcp", false);
+    }
 
     #[test]
     fn invalid_names_are_refused_as_in_stock() {

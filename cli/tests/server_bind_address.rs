@@ -85,3 +85,18 @@ fn foreign_addresses_are_refused() {
         "{ended:?}"
     );
 }
+
+/// It took the host from the configuration and the TCP port from elsewhere, and then asked for `--read`.
+#[test]
+fn read_takes_host_and_port_from_the_configuration() {
+    let home = Home::new();
+    let server = home.serve();
+    let before = home.file("yarp.conf");
+    server.signal("TERM").finish().with(0);
+    let again = home.start("server --read --memory").see("Ok. Ready!");
+    assert_eq!(home.file("yarp.conf"), before);
+    home.run("where").with(0);
+    again.signal("TERM").finish().with(0);
+    let empty = Home::new();
+    empty.run("server --read --memory").with(1);
+}

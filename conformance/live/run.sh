@@ -187,6 +187,9 @@ for server in ours stock; do
     suite "devices and robots from the same files, server: $server" \
         "$with_stock" "$python" conformance/live/hosting.py "$ours"
 
+    suite "stock's client reads our sensors, and ours stock's, server: $server" \
+        "$with_stock" "$python" conformance/live/analog_sensors.py "$ours"
+
     "$ours" camera --name /eye --mode grid --width 32 --height 24 >"$work/camera.log" 2>&1 &
     running+=($!)
     until_ok "$ours" exists /eye

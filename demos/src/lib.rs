@@ -7,6 +7,8 @@ pub mod joint_synchronisation;
 pub mod repeatability;
 pub mod state_feed;
 pub mod svg_plot;
+#[cfg(all(unix, feature = "table"))]
+pub mod table;
 
 use std::io;
 
@@ -29,6 +31,10 @@ pub enum DemoError {
     /// A line cannot be followed.
     #[error(transparent)]
     Line(#[from] StraightLineError<7>),
+    /// The demo on the table could not run.
+    #[cfg(all(unix, feature = "table"))]
+    #[error(transparent)]
+    Table(#[from] table::TableDemoError),
     /// A pose cannot be reached.
     #[error(transparent)]
     Pose(#[from] Unsolved<7>),

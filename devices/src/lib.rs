@@ -11,6 +11,7 @@
 //! * [`image`], [`camera`]: images, and a camera that shows test patterns or files.
 //! * [`embedded`]: the arm behind its embedded PC, driver and server.
 //! * [`remapper`]: several devices seen as one control board, or a part of one.
+//! * [`sensors`]: simulated sensors of an arm, and sensors of several devices as one.
 //! * [`guard`]: limits and a watchdog around any device.
 //! * [`clock`]: the time of day.
 //! * [`checks`]: behaviours that every device with these interfaces must show.
@@ -51,6 +52,7 @@ pub mod image;
 pub mod kinematics;
 mod pseudo_random;
 pub mod remapper;
+pub mod sensors;
 pub mod simulation;
 pub mod trajectory;
 pub mod wam;
@@ -58,19 +60,7 @@ pub mod wam;
 pub use axes::{Axes, AxisIndex};
 pub use device::Device;
 pub use error::DeviceError;
-pub use iface::{
-    AmplifierControl, AmplifierLimit, Audio, AudioBufferSize, AudioGrabber, AudioRender, AxisInfo,
-    Bus, CalibrationParameters, CameraConfiguration, CameraDescription, CartesianControl,
-    CartesianEvent, CartesianInfo, ControlCalibration, ControlLimits, ControlMode, CurrentControl,
-    EncoderReading, Encoders, Fault, Feature, FeatureMode, FirewireControls, FrameGrabberControls,
-    FrameGrabberImage, FrameGrabberImageRaw, Grasp, GraspKind, Hand, Impedance, ImpedanceControl,
-    ImpedanceLimits, Interaction, InteractionMode, Intrinsics, JointBrake, JointFault, JointType,
-    Limits, Mode, MotionControl, Motor, MotorEncoders, MotorTorqueParameters, Pid, PidControl,
-    PidInfo, PidKind, PidUnits, PidValue, PoseSolution, PositionControl, PositionDirect, Priority,
-    PwmControl, RemoteCalibrator, RemoteVariables, RgbVisualParams, SerialDevice, StampedPose,
-    Target, TaskPose, TaskVelocity, TorqueControl, TweakChange, Tweaks, UnknownGrasp,
-    VariableValue, VelocityControl, VelocityDirect, Window, WindowLimits,
-};
+pub use iface::*;
 
 /// Compiles the example of the README.
 #[cfg(doctest)]

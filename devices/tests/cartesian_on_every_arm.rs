@@ -80,7 +80,7 @@ fn with_masses_it_arrives_stops_and_reaches_out() {
         checks::cartesian_checks::a_stopped_tool_stays,
         // Stretched out, a small step of the tool is a large one of joints: the elbow was so fast on the way back that the
         // safety module took the power off.
-        checks::cartesian_checks::what_is_out_of_reach_is_approached,
+        checks::cartesian_checks::what_is_out_of_reach_is_refused,
         checks::cartesian_checks::a_velocity_lasts_until_it_is_nothing,
     ];
     for check in checks {

@@ -48,7 +48,8 @@ fn guarded() -> Guarded {
             accelerations: vec![],
         },
         torque_limits: TorqueLimits(vec![2.0; 7]),
-        watchdog: Some(Duration::from_millis(200)),
+        effort_watchdog: Some(Duration::from_millis(200)),
+        ..GuardedOptions::default()
     };
     let arm = DynamicWam::start().expect("the arm starts");
     Guarded::around(Arc::new(arm), options).expect("the guards start")

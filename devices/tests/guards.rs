@@ -24,7 +24,7 @@ fn narrow() -> GuardedOptions {
             accelerations: vec![50.0],
         },
         torque_limits: TorqueLimits(vec![10.0]),
-        watchdog: None,
+        ..GuardedOptions::default()
     }
 }
 

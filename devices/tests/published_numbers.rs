@@ -327,3 +327,123 @@ fn realtime_examples() {
     assert_eq!(strains, [Some(10), Some(20), None, None]);
     assert_eq!(read.temperature, Some(274));
 }
+
+/// D1001 table 6, with 3.13 at the top of the elbow; LB `wam7w.conf` rows and `zerocal.conf`.
+#[test]
+fn limits_rows_and_home() {
+    let limits = [
+        (-2.6, 2.6),
+        (-2.0, 2.0),
+        (-2.8, 2.8),
+        (-0.9, 3.13),
+        (-4.76, 1.24),
+        (-1.6, 1.6),
+        (-3.0, 3.0),
+    ];
+    let model = WamModel::<7>::new();
+    for (joint, (own, (min, max))) in model.chain.limits().iter().zip(limits).enumerate() {
+        assert_eq!((own.min, own.max), (min, max), "joint {joint}");
+    }
+    let home = Joints::<7>::from([0.0, -2.0, 0.0, 3.13, 0.0, 0.0, 0.0]);
+    assert_eq!(model.home, home);
+    let place = model.chain.forward(&home).translation.vector;
+    for (got, expected) in place.iter().zip([-0.21164, 0.0, 0.00672]) {
+        assert!((got - expected).abs() < 1e-5, "{place}");
+    }
+}
+
+/// LB `wam4.conf`.
+#[test]
+fn the_arm_with_four_joints() {
+    let model = WamModel::<4>::new();
+    close("mass of link 4", model.bodies[3].mass, 1.0651);
+    close("centre of link 4", model.bodies[3].centre.z, 0.14054);
+    let moments = [
+        [0.26679, 0.0, 0.000058],
+        [0.00858, 0.02793, 1.37375],
+        [-0.04104, 0.12370, 0.04589],
+        [-0.01694, -0.00012, 0.17860],
+    ];
+    for (link, (own, moment)) in model.calibration.moments.iter().zip(moments).enumerate() {
+        for (axis, expected) in moment.into_iter().enumerate() {
+            close(
+                &format!("moment of link {link}, {axis}"),
+                own[axis],
+                expected,
+            );
+        }
+    }
+    let loops = [
+        (900.0, 2.5, 10.0),
+        (2500.0, 5.0, 20.0),
+        (600.0, 2.5, 10.0),
+        (500.0, 0.5, 2.5),
+    ];
+    for (own, (proportional, integral, derivative)) in model.gains.iter().zip(loops) {
+        assert_eq!(
+            (own.proportional, own.integral, own.derivative),
+            (proportional, integral, derivative)
+        );
+    }
+    let up = model.chain.forward(&Joints::<4>::zeros());
+    close(
+        "height of the tool plate",
+        up.translation.vector.z,
+        0.55 + 0.36,
+    );
+}
+
+/// With the arm folded, the shoulder moves the elbow faster than the end of the forearm.
+#[test]
+fn the_speed_of_the_elbow_counts() {
+    let mut arm = Simulator::new(WamModel::<7>::new(), SimulatorOptions::default());
+    arm.place(&Joints::<7>::from([0.0, 0.0, 0.0, 3.0, 0.0, 0.0, 0.0]));
+    arm.twist([0.0, 60.0, 0.0, 0.0, 0.0, 0.0, 0.0].into());
+    for _ in 0..50 {
+        arm.step(None);
+    }
+    let turning = arm.velocities()[1].abs();
+    assert!(turning > 0.05, "{turning} rad/s");
+    assert!(arm.speed() > 0.5 * turning, "{} m/s", arm.speed());
+}
+
+/// An idle joint of an active arm is braked by its shorted windings, whatever is commanded.
+#[test]
+fn an_idle_joint_follows_no_torque() {
+    let speed = |idle: bool| {
+        let mut arm = Simulator::new(WamModel::<7>::new(), SimulatorOptions::default());
+        arm.place(&Joints::<7>::from([0.0, 0.0, 0.0, 1.5, 0.0, 0.0, 0.0]));
+        arm.safety_mut().press_activate();
+        arm.set_idle(0, idle);
+        for _ in 0..50 {
+            arm.step(Some(&[20.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0].into()));
+        }
+        arm.velocities()[0].abs()
+    };
+    assert!(speed(false) > 0.1, "{}", speed(false));
+    assert!(speed(true) < 1e-6, "{}", speed(true));
+}
+
+/// A joint that moves at 10 deg/s has not arrived.
+#[test]
+fn a_moving_joint_is_not_done() {
+    let mut arm = DynamicArm::new(WamModel::<7>::new(), SimulatorOptions::default());
+    let base = Axes::One(AxisIndex::new(0));
+    arm.position_move(base, &[20.0]).expect("inside the limits");
+    for _ in 0..200 {
+        arm.tick();
+    }
+    // A new target at the present set point: its generator is done at once, the joint is not.
+    arm.set_control_modes(base, &[Mode::PositionDirect])
+        .expect("it is ready");
+    arm.set_control_modes(base, &[Mode::Position])
+        .expect("it is ready");
+    arm.simulator_mut()
+        .twist([30.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0].into());
+    for _ in 0..15 {
+        arm.tick();
+    }
+    let speed = arm.state(AxisIndex::new(0)).expect("it exists").velocity;
+    assert!(speed.abs() > 2.0, "{speed} deg/s");
+    assert!(!arm.motion_done(base).expect("it exists"));
+}

@@ -1,6 +1,10 @@
 //! The bus goes down in the middle of each command and at each frame of a period: the step is named, the arm is
 //! braked, and nothing resumes by itself when the bus is back.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
 use yarp_devices::can::BusError;
 use yarp_devices::can::puck::{Address, Group, Node, PuckMessage, PuckProperty};
 use yarp_devices::simulation::{SafetyMode, SimulatedPucks};
@@ -130,4 +134,44 @@ fn at_each_frame_of_a_period() {
         };
         assert!(told.contains(expected), "{expected}: {told}");
     }
+}
+
+/// Pauses the driver for longer than a puck takes to restart; `meanwhile` happens at the end of that.
+fn pause(rig: &Memory, meanwhile: impl Fn() + Send + 'static) {
+    let mut paused = false;
+    *rig.hook().lock() = Some(Box::new(move |_| {
+        if !std::mem::replace(&mut paused, true) {
+            std::thread::sleep(Duration::from_millis(600));
+            meanwhile();
+        }
+        false
+    }));
+}
+
+#[test]
+fn a_driver_that_was_paused_goes_on_if_nothing_happened() {
+    let rig = Memory::new();
+    let arm = active(&rig);
+    let done = Arc::new(AtomicBool::new(false));
+    let seen = Arc::clone(&done);
+    pause(&rig, move || seen.store(true, Ordering::Relaxed));
+    until("the pause", || done.load(Ordering::Relaxed));
+    let periods = arm.status().periods;
+    until("control", || arm.status().periods > periods + 50);
+    assert_eq!(arm.status().connections, 1);
+}
+
+/// After such a time a rotor may have turned far, so that the count of a restarted puck would be plausible.
+#[test]
+fn a_puck_that_restarted_while_the_driver_was_paused_has_lost_its_position() {
+    let rig = Memory::new();
+    let arm = active(&rig);
+    let pucks = rig.pucks().clone();
+    pause(&rig, move || {
+        pucks.lock().restart_motor(1);
+        pucks.lock().advance_start(Duration::from_secs(3));
+    });
+    until("the lost position told", || {
+        arm.status().position_lost.is_some()
+    });
 }

@@ -64,7 +64,7 @@ fn stays_lost(arm: &CanWam) {
 }
 
 #[test]
-fn a_start_without_marks_waits_for_a_confirmation() {
+fn a_start_waits_for_a_confirmation_even_with_marks() {
     let rig = Memory::new();
     // Elsewhere than home, as after somebody led it.
     let mut pose = WamModel::<7>::new().home;
@@ -72,7 +72,7 @@ fn a_start_without_marks_waits_for_a_confirmation() {
     rig.pucks().lock().simulator_mut().place(&pose);
     let declarations = count_declarations(&rig);
     let options = CanOptions {
-        home_marks: None,
+        home_confirmed: false,
         ..options()
     };
     let arm = CanWam::start(WamModel::<7>::new(), options, rig.open()).expect("the pucks answer");

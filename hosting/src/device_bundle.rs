@@ -112,9 +112,9 @@ impl Hosted for Bundle {
     /// Returns the parts of the server, if it has any.
     fn parts(&self) -> Parts {
         let front = self.wrapper.parts();
-        match (&front.board, &front.camera, &front.tool) {
-            (None, None, None) => self.inner.parts(),
-            _ => front,
+        match front.is_empty() {
+            true => self.inner.parts(),
+            false => front,
         }
     }
 

@@ -20,6 +20,29 @@ pub struct Parts {
     pub camera: Option<Arc<dyn Device>>,
     /// Controller of a tool.
     pub tool: Option<Arc<dyn Device>>,
+    /// Any other device; what attaches to it checks its interface.
+    pub other: Option<Arc<dyn Device>>,
+    /// Sensors of several kinds.
+    pub sensors: Option<Arc<dyn Device>>,
+    /// One sensor of several channels.
+    pub channels: Option<Arc<dyn Device>>,
+}
+
+impl Parts {
+    /// Returns true if the device offers nothing.
+    pub fn is_empty(&self) -> bool {
+        let Self {
+            board,
+            camera,
+            tool,
+            other,
+            sensors,
+            channels,
+        } = self;
+        [board, camera, tool, other, sensors, channels]
+            .iter()
+            .all(|part| part.is_none())
+    }
 }
 
 /// A device that another one attaches to.

@@ -8,6 +8,7 @@
 //!
 //! A missing or invalid parameter is an error with file and line, and with the expected value.
 
+mod arm_configuration;
 mod device_bundle;
 pub mod device_types;
 mod error;
@@ -15,6 +16,7 @@ mod hosted_device;
 mod park_device;
 pub mod robot;
 
+pub use arm_configuration::ArmConfiguration;
 pub use device_bundle::{open, open_wrapped};
 pub use error::HostError;
 pub use hosted_device::{Attached, Future, Hosted, Parts};

@@ -117,12 +117,14 @@ pub enum PortError {
     #[error(transparent)]
     Modifier(#[from] MonitorError),
     /// The reader closed the connection when it received its modifiers.
-    #[error("{peer} closed the connection: it lacks a modifier of {carrier:?}")]
+    #[error("{peer} refused {carrier:?}: {}", reason.as_deref().unwrap_or("it lacks a modifier of it"))]
     Declined {
-        /// Whom.
+        /// The reader.
         peer: String,
         /// The requested carrier.
         carrier: String,
+        /// The reason in the words of the reader; none from stock's ports.
+        reason: Option<String>,
     },
     /// `local` is for ports of one process.
     #[error("{peer} is not in this process, which `local` is for: try `tcp` or another carrier")]

@@ -41,7 +41,7 @@ pub use port::{
     AdminHandler, Answer, ConnectionChange, ConnectionCounters, ConnectionLimits,
     ConnectionObserver, ConnectionState, Envelope, Handler, Monitor, MonitorError, MonitorFactory,
     MonitorSetup, MonitorSide, Page, Pages, Passing, Port, PortCounters, PortOptions, Queue,
-    Received, ReconnectOptions, ReconnectingConnection, Reply, Traffic,
+    Reader, Received, ReconnectOptions, ReconnectingConnection, Reply, Traffic,
 };
 pub use port::{built_in as built_in_monitor, built_in_names as built_in_monitors, modifier_names};
 pub use thread_schedule::request_low_timer_slack;

@@ -10,6 +10,7 @@ use yarp_wire::{Bottle, Contact, Value};
 
 use crate::admin_client::AdminClient;
 use crate::error::PortError;
+use crate::log_text::printable;
 use crate::network::{Endpoint, Network};
 
 /// The sender name of the requests.
@@ -95,6 +96,20 @@ pub async fn connection(
     let request = admin::list(Direction::Out, Some(destination));
     let answer = administer(network, source, &request).await?;
     Ok(described(&answer))
+}
+
+/// Returns the connection from one port to another, as the writer sees it, else as a reader that made it sees it: over
+/// carriers such as `mjpeg` the reader connects to the writer.
+pub async fn connection_of_either(
+    network: &Network,
+    source: &Endpoint,
+    destination: &Endpoint,
+) -> Result<Option<Connection>, PortError> {
+    if let Some(known) = connection(network, source, &destination.name).await? {
+        return Ok(Some(known));
+    }
+    let known = input(network, destination, &source.name).await?;
+    Ok(known.filter(|known| !pushes(&known.carrier)))
 }
 
 /// Returns a connection in the words of one of its ends.
@@ -272,6 +287,45 @@ pub async fn exists(network: &Network, name: &str) -> Result<bool, PortError> {
     };
     let answer = administer(network, &endpoint, &admin::version()).await;
     Ok(answer.is_ok_and(|answer| admin::is_version(&answer)))
+}
+
+/// Returns address and process of the port of this name, in words for people; `None` if no port of it answers.
+///
+/// For example `tcp://10.0.0.2:10002/, process 4711 (yarp) on robot`; the process is left out if the port does not
+/// tell it.
+pub async fn owner(network: &Network, name: &str) -> Result<Option<String>, PortError> {
+    let endpoint = match network.resolve(&Contact::parse(name)).await {
+        Ok(endpoint) => endpoint,
+        Err(PortError::Unknown { .. }) => return Ok(None),
+        Err(error) => return Err(error),
+    };
+    let answer = administer(network, &endpoint, &admin::version()).await;
+    if !answer.is_ok_and(|answer| admin::is_version(&answer)) {
+        return Ok(None);
+    }
+    let properties = administer(network, &endpoint, &admin::property(&endpoint.name)).await;
+    Ok(Some(owner_in_words(
+        &endpoint,
+        &properties.unwrap_or_default(),
+    )))
+}
+
+/// Formats an address, and the process in the properties of a port.
+fn owner_in_words(endpoint: &Endpoint, properties: &Bottle) -> String {
+    let Endpoint { host, port, .. } = endpoint;
+    let mut text = format!("tcp://{host}:{port}/");
+    let of = |group: &str, key: &str| {
+        let value = properties.find(group)?.as_list()?.find(key)?;
+        Some(printable(&value.to_plain_string()).to_string())
+    };
+    if let Some(pid) = of("process", "pid") {
+        let program = of("process", "name").unwrap_or_default();
+        text += &format!(", process {pid} ({program})");
+        if let Some(machine) = of("platform", "hostname") {
+            text += &format!(" on {machine}");
+        }
+    }
+    text
 }
 
 /// Returns whether the TCP port of a port accepts connections.

@@ -36,7 +36,7 @@ async fn who_does_not_read_is_answered_no_further() {
     for _ in 0..50 {
         common::ask(&port, &bottle("[ver]")).await;
     }
-    // What the system takes, and 256 KiB.
+    // What the system takes, and 128 KiB.
     let answered = count.load(Ordering::SeqCst);
     assert!(answered < MESSAGES / 2, "{answered}");
     let line = [&b"x".repeat(REPLY)[..], b"\r\n"].concat();

@@ -69,15 +69,16 @@ async fn a_writer_names_the_missing_modifier_and_keeps_its_connection() {
 }
 
 #[tokio::test]
-async fn a_reader_refuses_a_header_with_unknown_modifiers() {
+async fn a_reader_refuses_a_header_with_unknown_modifiers_and_says_why() {
     let (writer, reader) = ends().await;
-    let receives = MISSING.map(|(text, _)| text.replace("SIDE", "recv"));
+    let receives = MISSING.map(|(text, name)| (text.replace("SIDE", "recv"), name));
     let others = [
-        "recv.bayer+method.foo",
-        "recv.bayer+order.xx",
-        "recv.priority+tc.soon",
-    ];
-    for modifiers in receives.into_iter().chain(others.map(str::to_owned)) {
+        ("recv.bayer+method.foo", "method"),
+        ("recv.bayer+order.xx", "order"),
+        ("recv.priority+tc.soon", "tc"),
+    ]
+    .map(|(text, reason)| (text.to_owned(), reason));
+    for (modifiers, reason) in receives.into_iter().chain(others) {
         let answering = ["tcp", "fast_tcp", "text_ack", "udp", "shmem"];
         // Over these a writer receives nothing before it writes, unless it asks.
         let silent = ["text", "unix_stream", "unix_stream+ack"];
@@ -90,10 +91,10 @@ async fn a_reader_refuses_a_header_with_unknown_modifiers() {
                 matches!(error, PortError::Declined { .. }),
                 "{carrier}: {error:?}"
             );
+            let chain = error.error_chain();
             assert!(
-                error.error_chain().contains(&carrier),
-                "{}",
-                error.error_chain()
+                chain.contains(&carrier) && chain.contains(reason),
+                "{chain}"
             );
         }
     }

@@ -4,23 +4,38 @@
 //! expect, and a client, which is that device again in another program. Both support YARP 3.5 to 3.12 and 4.0: a
 //! server both at once, a client the wire version of the server.
 //!
+//! * [`battery`]: batteries. [`BatteryServer`], [`RemoteBattery`].
 //! * [`control_board`]: joints that move. [`ControlBoardServer`], [`RemoteControlBoard`].
 //! * [`cartesian`]: tools that move in space. [`CartesianServer`], [`RemoteCartesianControl`].
 //! * [`frame_grabber`]: cameras. [`FrameGrabberServer`], [`RemoteFrameGrabber`].
+//! * [`analog_sensors`]: sensors of several kinds. [`AnalogSensorsServer`], [`RemoteAnalogSensors`].
+//! * [`analog_sensor`]: one sensor of several channels, of YARP 3.x. [`AnalogSensorServer`], [`RemoteAnalogSensor`].
 //! * [`hand`]: a hand as a whole, with grasps. [`HandServer`], [`RemoteHand`].
 //! * [`thrift`]: calls of services as 4.0 puts them on the wire.
 //!
 //! Units are those of the interfaces: degrees and metres; radians for the orientation of a tool alone.
 
+pub mod analog_sensor;
+pub mod analog_sensors;
+pub mod battery;
 pub mod cartesian;
 pub mod control_board;
+mod device_ports;
 pub mod frame_grabber;
 pub mod hand;
 mod open_ports;
+mod page_request;
 mod periodic_thread;
 mod reconnect;
 pub mod thrift;
 
+pub use analog_sensor::{
+    AnalogSensorOptions, AnalogSensorServer, RemoteAnalogSensor, RemoteAnalogSensorOptions,
+};
+pub use analog_sensors::{
+    AnalogSensorsOptions, AnalogSensorsServer, RemoteAnalogSensors, RemoteAnalogSensorsOptions,
+};
+pub use battery::{BatteryLayout, BatteryServer, BatteryServerOptions, RemoteBattery};
 pub use cartesian::{
     CartesianServer, CartesianServerOptions, CartesianVersion, RemoteCartesianControl,
     RemoteCartesianOptions,
@@ -29,6 +44,7 @@ pub use control_board::{
     ControlBoardOptions, ControlBoardServer, OpenError, RemoteControlBoard,
     RemoteControlBoardOptions, RemoteMotion,
 };
+pub use device_ports::RemoteOptions;
 pub use frame_grabber::{
     FrameGrabberOptions, FrameGrabberServer, RemoteFrameGrabber, RemoteFrameGrabberOptions,
 };

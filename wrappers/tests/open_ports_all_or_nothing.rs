@@ -86,7 +86,8 @@ fn a_client_whose_name_is_taken_says_so() {
     let first = remote(&stage).expect("the name is free");
     let error = remote(&stage).expect_err("the name is taken");
     assert!(
-        matches!(&error, OpenError::NameTaken { name } if name == "/me/nwc/rpc:o"),
+        matches!(&error, OpenError::NameTaken { name, owner } if name == "/me/nwc/rpc:o"
+            && owner.contains(&format!("process {}", std::process::id()))),
         "{error}"
     );
     // The first is not disturbed.

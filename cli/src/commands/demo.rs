@@ -10,6 +10,8 @@ use yarp_demos::{joint_synchronisation, repeatability};
 
 use crate::error::Result;
 use crate::network_access;
+#[cfg(all(unix, feature = "table"))]
+use crate::signals::Interrupt;
 
 /// repeat the thesis's experiments on the simulated arm
 ///
@@ -29,6 +31,9 @@ enum Demo {
         #[arg(long, value_name = "N", default_value_t = 500, value_parser = clap::value_parser!(u32).range(1..))]
         repeat: u32,
     },
+    /// tidies a simulated table over the network: polygons, glasses and plates into a basket each
+    #[cfg(all(unix, feature = "table"))]
+    Tidy(TidyArgs),
     /// moves all joints together and the tool along a line: figure 13 of the thesis
     Sync,
     /// measures repeatability, straightness and the state feed, with plots: tables 5 and 6 and figure 13 of the thesis
@@ -48,8 +53,78 @@ enum Demo {
     },
 }
 
+#[cfg(all(unix, feature = "table"))]
+#[derive(Debug, clap::Args)]
+struct TidyArgs {
+    /// Number of random objects
+    #[arg(long, default_value_t = 8)]
+    objects: usize,
+    /// Seed of objects, friction and noise
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Print one line of JSON; exit code 1 below the targets either way
+    #[arg(long)]
+    json: bool,
+    /// Speed of the table relative to a real robot, 0.1 to 20
+    #[arg(long, value_name = "FACTOR", default_value_t = 2.0)]
+    speed: f64,
+    /// Source of the objects: `truth` asks the simulation, with noise
+    #[arg(long, value_name = "NAME", default_value = "truth", value_parser = ["truth"])]
+    detector: String,
+    /// Standard deviation of a detected place along x and y, mm
+    #[arg(long, value_name = "MM", default_value_t = 1.0)]
+    noise: f64,
+    /// Prefix of a table that `yarp table` serves elsewhere, such as /lab; starts a table and a name server without it
+    #[arg(long, value_name = "PREFIX")]
+    remote: Option<String>,
+}
+
+/// Time after the first signal from which a third one aborts the process.
+#[cfg(all(unix, feature = "table"))]
+const ABORT_AFTER: Duration = Duration::from_secs(2);
+
+#[cfg(all(unix, feature = "table"))]
+async fn tidy(args: TidyArgs, out: &mut dyn Write) -> Result<ExitCode> {
+    use yarp_demos::table::tidy::{self, TidyDemoOptions};
+
+    let mut options = TidyDemoOptions::default();
+    options.objects = args.objects;
+    options.seed = args.seed;
+    options.speed = args.speed;
+    options.noise = args.noise / 1e3;
+    if let Some(prefix) = args.remote {
+        options.remote = Some((crate::network_access::network()?, prefix));
+    }
+    let stop = tidy::Stop::default();
+    let button = stop.clone();
+    // The first finishes the current object, the second halts; only a third may abort.
+    let mut interrupt = Interrupt::listen_with(2, ABORT_AFTER);
+    let mut presses = 1;
+    let mut running = tokio::task::spawn_blocking(move || {
+        let mut text = Vec::new();
+        let told = tidy::run(&options, &stop, args.json, &mut text);
+        (told, text)
+    });
+    let (told, text) = loop {
+        tokio::select! {
+            ended = &mut running => break ended.expect("the demo does not panic"),
+            () = interrupt.interrupted_times(presses) => {
+                button.press();
+                presses += 1;
+            }
+        }
+    };
+    out.write_all(&text)?;
+    Ok(match told? {
+        true => ExitCode::SUCCESS,
+        false => ExitCode::FAILURE,
+    })
+}
+
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let told = match args.demo {
+        #[cfg(all(unix, feature = "table"))]
+        Demo::Tidy(args) => return tidy(args, out).await,
         Demo::Repeatability { repeat } => repeatability::run(repeat as usize, out),
         Demo::Sync => joint_synchronisation::run(out),
         Demo::Statefeed {

@@ -91,6 +91,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
                 .await;
         }
         if ready {
+            crate::systemd_notify::notify_ready();
             writeln!(out, "Ready. Output goes to {}", writer.name())?;
             out.flush()?;
             pass_on(&newest, writer, &mut interrupt).await;

@@ -1,6 +1,8 @@
 //! The commands, one file each.
 
 mod argument_words;
+#[cfg(feature = "vision")]
+mod calibrate;
 mod camera;
 mod check;
 mod clean;
@@ -25,6 +27,7 @@ mod merge;
 mod name;
 mod namespace;
 mod ping;
+mod plan;
 mod plugin;
 mod priority_qos;
 mod priority_sched;
@@ -52,13 +55,18 @@ mod trafficgen;
 mod up;
 mod version;
 mod view;
+#[cfg(feature = "vision")]
+mod vision;
 mod wait;
+mod wam;
 mod wam_node;
 mod where_;
 mod write;
 
 use std::io::Write;
 use std::process::ExitCode;
+
+pub(crate) use plan::PlanFailure;
 
 use crate::cli::Prefixes;
 use crate::error::Result;
@@ -67,6 +75,8 @@ use crate::error::Result;
 #[derive(Debug, clap::Subcommand)]
 #[command(rename_all = "lower")]
 pub(crate) enum Command {
+    #[cfg(feature = "vision")]
+    Calibrate(Box<calibrate::Args>),
     Camera(camera::Args),
     Check(check::Args),
     Clean(clean::Args),
@@ -95,6 +105,7 @@ pub(crate) enum Command {
     Name(name::Args),
     Namespace(namespace::Args),
     Ping(ping::Args),
+    Plan(plan::Args),
     Plugin(plugin::Args),
     #[command(name = "priority-qos", alias = "qos")]
     PriorityQos(priority_qos::Args),
@@ -124,7 +135,10 @@ pub(crate) enum Command {
     Up(up::Args),
     Version(version::Args),
     View(view::Args),
+    #[cfg(feature = "vision")]
+    Vision(vision::Args),
     Wait(wait::Args),
+    Wam(wam::Args),
     #[command(name = "wam-node")]
     WamNode(wam_node::Args),
     Where(where_::Args),
@@ -156,6 +170,8 @@ impl Command {
     /// Does it; gives the exit code.
     pub(crate) async fn run(self, prefixes: Prefixes, out: &mut dyn Write) -> Result<ExitCode> {
         match self {
+            #[cfg(feature = "vision")]
+            Self::Calibrate(args) => calibrate::run(*args, out).await,
             Self::Camera(args) => camera::run(args, out).await,
             Self::Check(args) => check::run(args, out).await,
             Self::Clean(args) => clean::run(args, out).await,
@@ -180,6 +196,7 @@ impl Command {
             Self::Name(args) => name::run(args, out).await,
             Self::Namespace(args) => namespace::run(args, out),
             Self::Ping(args) => ping::run(args, out).await,
+            Self::Plan(args) => plan::run(args, out),
             Self::Plugin(args) => plugin::run(args, out),
             Self::PriorityQos(args) => priority_qos::run(args, out).await,
             Self::PrioritySched(args) => priority_sched::run(args, out).await,
@@ -207,7 +224,10 @@ impl Command {
             Self::Up(args) => up::run(args, out).await,
             Self::Version(args) => version::run(args, out),
             Self::View(args) => view::run(args, out).await,
+            #[cfg(feature = "vision")]
+            Self::Vision(args) => vision::run(args, out),
             Self::Wait(args) => wait::run(args, out).await,
+            Self::Wam(args) => wam::run(args, out).await,
             Self::WamNode(args) => wam_node::run(args, out).await,
             Self::Where(args) => where_::run(args, out).await,
             Self::Write(args) => write::run(args, prefixes, out).await,

@@ -71,6 +71,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
             .await;
     }
     let mut printer = Printer::new(&read_options);
+    crate::systemd_notify::notify_ready();
     let printed = loop {
         let message = tokio::select! {
             biased;

@@ -58,6 +58,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         let sending = write::send(&writer, Form::Verbatim, wait);
         tokio::pin!(sending);
         let mut reading = true;
+        crate::systemd_notify::notify_ready();
         loop {
             tokio::select! {
                 biased;

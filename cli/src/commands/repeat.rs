@@ -47,6 +47,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         complain(out, &format!("Failed to open port: {name}"))?;
         return Ok(ExitCode::FAILURE);
     };
+    crate::systemd_notify::notify_ready();
     loop {
         let message = tokio::select! {
             biased;

@@ -61,6 +61,7 @@ pub(super) async fn run(mut args: Args, out: &mut dyn Write) -> Result<ExitCode>
     else {
         return Ok(ExitCode::FAILURE);
     };
+    crate::systemd_notify::notify_ready();
     let mut lines = Lines::open();
     let ended = loop {
         writeln!(out, "Waiting for a message...")?;

@@ -87,6 +87,7 @@ async fn pass_on(
     out: &mut dyn Write,
 ) -> Result<()> {
     let mut newest = Bottle::new();
+    crate::systemd_notify::notify_ready();
     loop {
         let came = tokio::select! {
             biased;

@@ -54,7 +54,7 @@ pub(crate) struct Args {
     /// Write the address to the configuration, whatever is configured
     #[arg(long)]
     write: bool,
-    /// Take the host from the configuration, which must exist
+    /// Take host and TCP port from the configuration, which must exist
     #[arg(long)]
     read: bool,
     /// Local address to listen on, instead of all; clients are told the same address, unless --ip
@@ -512,8 +512,8 @@ fn choose(
         (None, _) => addresses::best(),
     };
     let port = match args.socket.as_deref().map(leading_integer) {
-        None => configuration.default_port(),
-        Some(0) => stored.map_or(configuration.default_port(), |stored| stored.port),
+        None if !args.read => configuration.default_port(),
+        None | Some(0) => stored.map_or(configuration.default_port(), |stored| stored.port),
         Some(number) => match u16::try_from(number) {
             Ok(port) => port,
             Err(_) => return Err(format!("--socket {number}: expected 1 to 65535")),

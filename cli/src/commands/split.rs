@@ -81,6 +81,7 @@ async fn split(
     out: &mut dyn Write,
 ) -> Result<bool> {
     writeln!(out, "Waiting for data..")?;
+    crate::systemd_notify::notify_ready();
     out.flush()?;
     loop {
         let message = tokio::select! {

@@ -177,8 +177,17 @@ async fn serve(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     };
     let served = Served::open(&network, &table, &name, args.rate).await?;
     let publisher = tokio::spawn(scene_message::publish(table.clone(), served.scene.clone()));
+    // For judges and for `yarp demo tidy --remote`.
+    let truth_name = name("truth/rpc:i");
+    let (truth_network, truth_scene) = (network.clone(), table.shared_scene());
+    let serving = move || yarp_demos::table::serve_truth(&truth_network, &truth_name, truth_scene);
+    let truth = tokio::task::spawn_blocking(serving).await;
+    let truth = truth
+        .expect("opening a port does not panic")
+        .map_err(failed)?;
     let told = tell(&args.prefix, count, out);
     if told.is_ok() {
+        crate::systemd_notify::notify_ready();
         interrupt.interrupted().await;
     }
     publisher.abort();
@@ -188,7 +197,7 @@ async fn serve(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     }
     served.close().await;
     // Joins its threads, which is no work for the executor.
-    let _ = tokio::task::spawn_blocking(move || drop(table)).await;
+    let _ = tokio::task::spawn_blocking(move || drop((truth, table))).await;
     told.map(|()| ExitCode::SUCCESS)
 }
 

@@ -92,6 +92,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let end = Instant::now() + seconds(traffic.duration);
     let mut ticks = interval(seconds(traffic.period).max(MIN_SLEEP));
     let sending = async {
+        crate::systemd_notify::notify_ready();
         loop {
             ticks.tick().await;
             port.write(&message).await;

@@ -8,7 +8,8 @@ use std::sync::Arc;
 use yarp_devices::Device;
 use yarp_devices::cartesian::{CartesianController, CartesianOptions};
 use yarp_devices::embedded::{LinkAddresses, LinkMode};
-use yarp_devices::wam::WamModel;
+use yarp_devices::kinematics::Chain;
+use yarp_hosting::ArmConfiguration;
 use yarp_nameserver::{Server, ServerOptions};
 use yarp_ports::config::{self, Configuration, NameServer};
 use yarp_ports::{Network, PortError, addresses};
@@ -19,7 +20,7 @@ use yarp_wrappers::{
     ControlBoardServer,
 };
 
-use crate::arm_selection::{Arm, LinkModeArgs};
+use crate::arm_selection::{Arm, ArmArgs, LinkModeArgs};
 use crate::error::{Failure, Result};
 use crate::exposure::{self, BindArgs};
 use crate::signals::Interrupt;
@@ -76,6 +77,7 @@ pub(crate) struct Args {
     link_mode: LinkModeArgs,
     #[command(flatten)]
     view: ViewArgs,
+    configuration: ArmArgs,
 }
 
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
@@ -104,6 +106,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     args.name.parse::<PortName>().map_err(PortError::from)?;
     let arm = args.arm();
     let link_mode = args.link_mode.link_mode(true).map_err(Failure::LinkMode)?;
+    let configuration = args.configuration.configuration(&arm)?;
     let mut interrupt = Interrupt::listen();
     // The first line is the address of the view.
     let held = stock_log::hold_back();
@@ -121,7 +124,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let opened = tokio::select! {
         biased;
         () = interrupt.interrupted() => None,
-        opened = open(&base.network, &args.name, arm.clone(), link_mode, args.cartesian) => Some(opened),
+        opened = open(&base.network, &args.name, arm.clone(), (link_mode, configuration), args.cartesian) => Some(opened),
     };
     let base = Base { access: base, view };
     let served = match opened {
@@ -255,16 +258,18 @@ async fn open(
     network: &Network,
     name: &str,
     arm: Arm,
-    link_mode: LinkMode,
+    (link_mode, configuration): (LinkMode, ArmConfiguration),
     cartesian: Option<CartesianVersion>,
 ) -> Result<Served> {
-    let arm = arm.start(link_mode)?;
+    let chain = configuration.model.chain.clone();
+    let starting = tokio::task::spawn_blocking(move || arm.start(link_mode, &configuration));
+    let arm = starting.await.expect("starting an arm does not panic")?;
     let options = ControlBoardOptions::new();
     let board = ControlBoardServer::open(network, arm.clone(), name, options).await?;
     let Some(version) = cartesian else {
         return Ok(Served { board, tool: None });
     };
-    match open_tool(network, name, arm, version).await {
+    match open_tool(network, name, (arm, chain), version).await {
         Ok(tool) => Ok(Served {
             board,
             tool: Some(tool),
@@ -279,11 +284,11 @@ async fn open(
 async fn open_tool(
     network: &Network,
     name: &str,
-    arm: Arc<dyn Device>,
+    (arm, chain): (Arc<dyn Device>, Chain<7>),
     version: CartesianVersion,
 ) -> Result<CartesianServer> {
     let options = CartesianOptions::new().part_type("wam7");
-    let tool = CartesianController::start(arm, WamModel::<7>::new().chain, options)?;
+    let tool = CartesianController::start(arm, chain, options)?;
     let options = CartesianServerOptions::new().version(version);
     let name = format!("{TOOL_PREFIX}{name}");
     Ok(CartesianServer::open(network, Arc::new(tool), &name, options).await?)

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use yarp_devices::embedded::{LinkMode, NodeOptions, WamNode};
 
-use crate::arm_selection::{Arm, LinkModeArgs};
+use crate::arm_selection::{Arm, ArmArgs, LinkModeArgs};
 use crate::error::{Failure, Result};
 use crate::signals::Interrupt;
 use crate::systemd_notify;
@@ -29,6 +29,8 @@ pub(crate) struct Args {
     arm: Arm,
     #[command(flatten)]
     link_mode: LinkModeArgs,
+    #[command(flatten)]
+    configuration: ArmArgs,
 }
 
 /// Parses an arm that this PC can drive.
@@ -42,8 +44,9 @@ fn own_arm(text: &str) -> std::result::Result<Arm, String> {
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let mut interrupt = Interrupt::listen();
     let link_mode = args.link_mode.link_mode(false).map_err(Failure::LinkMode)?;
+    let configuration = args.configuration.configuration(&args.arm)?;
     let node = WamNode::start(
-        args.arm.clone().start(link_mode)?,
+        args.arm.clone().start(link_mode, &configuration)?,
         NodeOptions::new(link_mode),
     )?;
     let places = node.addresses();

@@ -25,12 +25,14 @@
 //! | `rrt_connect` | bidirectional random trees (Kuffner and LaValle 2000) |
 //! | `path/` | shortcuts, time parameterisation within velocity and acceleration limits |
 //! | `planner` | all of it behind one type |
+//! | `problem` | scenes with start and goals, random or from JSON |
 //!
 //! Units are metres, **radians**, seconds; poses are in the base frame of the arm.
 
 mod collision;
 mod path;
 mod planner;
+mod problem;
 mod random;
 mod rrt_connect;
 mod scene;
@@ -39,5 +41,6 @@ mod shape;
 pub use collision::{ArmGeometry, CollisionModel, Contact, LinkSphere, MARGIN};
 pub use path::{Path, Trajectory, TrajectoryError};
 pub use planner::{PlanError, Planner, PlannerOptions};
+pub use problem::{Problem, ProblemError};
 pub use scene::{Obstacle, Scene};
 pub use shape::Shape;

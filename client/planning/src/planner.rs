@@ -18,7 +18,7 @@ pub struct PlannerOptions {
     pub max_iterations: usize,
     /// Number of attempts to shorten a path; 60 by default.
     pub shortcuts: usize,
-    /// Number of independent searches of which the shortest path is taken; 2 by default.
+    /// Number of independent searches of which the shortest path is taken; 1 by default.
     pub searches: usize,
     /// Velocity and acceleration limits; 1 rad/s and 3 rad/s² by default, below the arm's own.
     pub limits: JointLimits<7>,
@@ -31,7 +31,7 @@ impl Default for PlannerOptions {
         Self {
             max_iterations: 20_000,
             shortcuts: 60,
-            searches: 2,
+            searches: 1,
             limits: JointLimits::uniform(1.0, 3.0),
             seed: 1,
         }

@@ -10,7 +10,7 @@ use std::time::Duration;
 use nalgebra::Vector3;
 
 use super::arm_adapter::ArmAdapter;
-use super::cartesian_settings::Settings;
+use super::cartesian_settings::{Reach, Settings};
 use super::tool_motion::{Motion, Progress};
 use crate::clock::wall_clock;
 use crate::iface::EVENTS_KEPT;
@@ -227,17 +227,49 @@ impl<const N: usize> Shared<N> {
         Ok(*self.lock().desired.get_or_insert(here))
     }
 
-    /// Goes to a target.
+    /// Goes to a target; refuses one that is out of reach.
     pub(super) fn go(
         &self,
         target: Pose,
         task: Task,
         time: Option<f64>,
     ) -> Result<(), DeviceError> {
-        // Searched without the lock: the arm does not wait for that.
         let settings = self.lock().settings.clone();
+        let reach = self.solve(&settings, &target, task)?;
+        if let Some((distance, angle)) = reach.missed_by {
+            let [x, y, z] = target.translation.vector.into();
+            return Err(DeviceError::Unsuitable {
+                what: "target",
+                asked: format!("({x:.3} {y:.3} {z:.3}) m"),
+                expected: format!(
+                    "one within reach: the tool stays {distance:.3} m and {:.1} deg away from it",
+                    angle.to_degrees()
+                ),
+            });
+        }
+        self.go_to_joints(settings, reach.joints, (target, task), time)
+    }
+
+    /// Returns the joint positions for a target, near the start of the motion to it.
+    fn solve(
+        &self,
+        settings: &Settings<N>,
+        target: &Pose,
+        task: Task,
+    ) -> Result<Reach<N>, DeviceError> {
+        // Without the lock: the arm does not wait for that.
         let start = self.stand()?;
-        let goal = settings.reach(&settings.chain(&self.chain, &start), &target, task, &start);
+        Ok(settings.reach(&settings.chain(&self.chain, &start), target, task, &start))
+    }
+
+    /// Goes to the joint positions that were computed for a target.
+    fn go_to_joints(
+        &self,
+        settings: Settings<N>,
+        goal: Joints<N>,
+        (target, task): (Pose, Task),
+        time: Option<f64>,
+    ) -> Result<(), DeviceError> {
         let start = self.stand()?;
         let mut state = self.lock();
         // A step may have been taken in between.
@@ -292,7 +324,7 @@ impl<const N: usize> Shared<N> {
         Ok(())
     }
 
-    /// Changes settings; a held target is approached again.
+    /// Changes settings; a held target is approached again, as near as the new settings allow.
     pub(super) fn change(&self, change: impl FnOnce(&mut Settings<N>)) -> Result<(), DeviceError> {
         let kept = {
             let mut state = self.lock();
@@ -301,7 +333,11 @@ impl<const N: usize> Shared<N> {
             motion.and_then(|motion| motion.target)
         };
         match kept {
-            Some((target, task)) => self.go(target, task, None),
+            Some((target, task)) => {
+                let settings = self.lock().settings.clone();
+                let goal = self.solve(&settings, &target, task)?.joints;
+                self.go_to_joints(settings, goal, (target, task), None)
+            }
             None => Ok(()),
         }
     }

@@ -145,7 +145,7 @@ impl<const N: usize> CartesianControl for CartesianController<N> {
             None => self.shared.stand()?,
         };
         let chain = settings.chain(&self.shared.chain, &stand);
-        let joints = settings.reach(&chain, &pose, task, &stand);
+        let joints = settings.reach(&chain, &pose, task, &stand).joints;
         Ok(reached(&chain.forward(&joints), &joints))
     }
 

@@ -1,6 +1,8 @@
 //! Settings of a controller, which can be stored as a context.
 
-use crate::kinematics::{Chain, Joints, Pose, Redundancy, Solution, Solver, SolverOptions, Task};
+use crate::kinematics::{
+    Chain, Joints, Pose, Redundancy, Solution, Solver, SolverOptions, Task, distances,
+};
 use crate::{Limits, Priority};
 
 /// Number of starts tried for a target, and for each step on the way to it.
@@ -8,6 +10,24 @@ const SOLVER_ATTEMPTS: usize = 30;
 /// Stock's defaults: 2 s, and 1 cm.
 const DEFAULT_TRAJECTORY_TIME: f64 = 2.0;
 const DEFAULT_TOLERANCE: f64 = 0.01;
+
+/// Joint positions for a target.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Reach<const N: usize> {
+    /// The joint positions, rad.
+    pub(super) joints: Joints<N>,
+    /// Distance (m) and angle (rad) by which they miss what has priority; none within the tolerance of arrival.
+    pub(super) missed_by: Option<(f64, f64)>,
+}
+
+impl<const N: usize> Reach<N> {
+    fn exact(joints: Joints<N>) -> Self {
+        Self {
+            joints,
+            missed_by: None,
+        }
+    }
+}
 
 /// All settings, joints in rad.
 #[derive(Clone, Debug)]
@@ -84,23 +104,31 @@ impl<const N: usize> Settings<N> {
         target: &Pose,
         task: Task,
         start: &Joints<N>,
-    ) -> Joints<N> {
+    ) -> Reach<N> {
         let nearest = match self
             .solver(chain, task, SOLVER_ATTEMPTS, true)
             .solve(target, start)
         {
-            Ok(found) => return found.joints,
+            Ok(found) => return Reach::exact(found.joints),
             Err(unsolved) => unsolved.nearest,
         };
-        let first = match (task, self.priority) {
-            (Task::Pose, Priority::Position) => Task::Position,
-            (Task::Pose, Priority::Orientation) => Task::Orientation,
-            _ => return nearest.joints,
+        let (first, joints) = match (task, self.priority) {
+            (Task::Pose, Priority::Position) => (Task::Position, None),
+            (Task::Pose, Priority::Orientation) => (Task::Orientation, None),
+            _ => (task, Some(nearest.joints)),
         };
-        let found = self
-            .solver(chain, first, SOLVER_ATTEMPTS, false)
-            .solve(target, &nearest.joints);
-        either(found.map_err(|unsolved| unsolved.nearest)).joints
+        let joints = joints.unwrap_or_else(|| {
+            let found = self
+                .solver(chain, first, SOLVER_ATTEMPTS, false)
+                .solve(target, &nearest.joints);
+            either(found.map_err(|unsolved| unsolved.nearest)).joints
+        });
+        let (distance, angle) = distances(&first.error(target, &chain.forward(&joints)));
+        let is_missed = distance > self.tolerance || angle > self.tolerance;
+        Reach {
+            joints,
+            missed_by: is_missed.then_some((distance, angle)),
+        }
     }
 
     /// Returns the next step on a path: the joints nearest to `guess` that move the tool to `target`, or as near as
@@ -140,7 +168,9 @@ mod tests {
         let start = bent().add_scalar(0.1);
         let chain = settings.chain(&arm, &start);
         let target = chain.forward(&bent());
-        let found = settings.reach(&chain, &target, Task::Position, &start);
+        let found = settings
+            .reach(&chain, &target, Task::Position, &start)
+            .joints;
         assert_eq!(found[2], start[2]);
         let off = chain.forward(&found).translation.vector - target.translation.vector;
         assert!(off.norm() < 1e-5);
@@ -158,11 +188,13 @@ mod tests {
         let off = |found: &Joints<4>| {
             crate::kinematics::distances(&Task::Pose.error(&target, &chain.forward(found)))
         };
-        let place_first = settings.reach(&chain, &target, Task::Pose, &stand);
+        let reach = settings.reach(&chain, &target, Task::Pose, &stand);
+        assert!(reach.missed_by.is_none(), "the place is reached");
+        let place_first = reach.joints;
         assert!(off(&place_first).0 < 1e-5);
         assert!(off(&place_first).1 > 1e-3);
         settings.priority = Priority::Orientation;
-        let turn_first = settings.reach(&chain, &target, Task::Pose, &stand);
+        let turn_first = settings.reach(&chain, &target, Task::Pose, &stand).joints;
         assert!(off(&turn_first).1 < 1e-5);
         assert!(off(&turn_first).0 > 1e-3);
     }
@@ -173,7 +205,11 @@ mod tests {
         let settings = Settings::new(*arm.limits());
         let chain = settings.chain(&arm, &bent());
         let target = Pose::translation(2.0, 0.0, 0.5);
-        let found = chain.forward(&settings.reach(&chain, &target, Task::Position, &bent()));
+        let reach = settings.reach(&chain, &target, Task::Position, &bent());
+        let found = chain.forward(&reach.joints);
+        let (distance, _) = reach.missed_by.unwrap();
+        let left = target.translation.vector - found.translation.vector;
+        assert!((distance - left.norm()).abs() < 1e-6, "{distance}");
         let direction = target.translation.vector.normalize();
         let towards = found.translation.vector.normalize().dot(&direction);
         assert!(towards > 0.999, "{found}");
@@ -186,10 +222,14 @@ mod tests {
         let mut settings = Settings::new(*arm.limits());
         let chain = settings.chain(&arm, &bent());
         let target = chain.forward(&bent());
-        let free = settings.reach(&chain, &target, Task::Position, &bent());
+        let free = settings
+            .reach(&chain, &target, Task::Position, &bent())
+            .joints;
         settings.rest = bent().add_scalar(0.3);
         settings.weights = Joints::repeat(1.0);
-        let drawn = settings.reach(&chain, &target, Task::Position, &bent());
+        let drawn = settings
+            .reach(&chain, &target, Task::Position, &bent())
+            .joints;
         assert!((drawn - settings.rest).norm() < (free - settings.rest).norm() - 0.01);
     }
 }

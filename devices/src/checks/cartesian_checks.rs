@@ -19,8 +19,8 @@ pub const TOOL: &[(&str, Check)] = &[
     ("a_stopped_tool_stays", a_stopped_tool_stays),
     ("asking_moves_nothing", asking_moves_nothing),
     (
-        "what_is_out_of_reach_is_approached",
-        what_is_out_of_reach_is_approached,
+        "what_is_out_of_reach_is_refused",
+        what_is_out_of_reach_is_refused,
     ),
     (
         "a_velocity_lasts_until_it_is_nothing",
@@ -210,15 +210,19 @@ pub fn asking_moves_nothing(device: &dyn Device, timeout: Duration) {
     assert!(tool.ask(Target::Position(PLACES[1]), Some(&[0.0])).is_err());
 }
 
-/// The tool moves to the nearest pose that is found.
-pub fn what_is_out_of_reach_is_approached(device: &dyn Device, timeout: Duration) {
+/// A place out of reach is refused and moves nothing; the pose nearest to it can be asked for, and is reached.
+pub fn what_is_out_of_reach_is_refused(device: &dyn Device, timeout: Duration) {
     let tool = tool(device);
     arrive(tool, Target::Position(PLACES[0]), timeout);
-    let far = [3.0, 0.3, 0.6];
-    tool.go_to_sync(Target::Position(far), Some(0.5))
-        .expect("it is not refused");
-    let nearest = tool.desired().expect("it has a target").pose.position;
-    assert!(distance(nearest, far) < 2.4, "{nearest:?}");
+    let before = tool.desired().expect("it has a target");
+    let far = Target::Position([3.0, 0.3, 0.6]);
+    assert!(tool.go_to_sync(far, Some(0.5)).is_err(), "it is refused");
+    assert!(tool.motion_done().expect("it answers"));
+    assert_eq!(tool.desired().expect("it has a target"), before);
+    let nearest = tool.ask(far, None).expect("it answers").pose.position;
+    assert!(distance(nearest, [3.0, 0.3, 0.6]) < 2.4, "{nearest:?}");
+    tool.go_to_sync(Target::Position(nearest), Some(0.5))
+        .expect("it is within reach");
     let period = Duration::from_millis(5);
     assert!(tool.wait_motion_done(period, timeout).expect("it answers"));
     eventually("that place", timeout, || {

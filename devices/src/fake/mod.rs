@@ -4,7 +4,7 @@
 //! limits and references, which takes the commands of the device interfaces and is stepped by its owner.
 //! [`SimulatedWam`](crate::wam::SimulatedWam) runs one in real time; a test can step one as it likes.
 //!
-//! [`FakeMicrophone`], [`FakeSpeaker`] and [`FakeSerial`] replace devices that this project has no driver for.
+//! [`FakeMicrophone`], [`FakeSpeaker`], [`FakeSerial`] and [`SimulatedBattery`] replace devices that this project has no driver for.
 
 mod axes_model;
 mod axes_model_motors;
@@ -14,6 +14,7 @@ mod fake_serial;
 mod fake_speaker;
 mod force_drive;
 mod simulated_axis;
+mod simulated_battery;
 mod velocity_profile;
 
 pub use axes_model::AxesModel;
@@ -21,4 +22,5 @@ pub use fake_microphone::FakeMicrophone;
 pub use fake_serial::FakeSerial;
 pub use fake_speaker::FakeSpeaker;
 pub use simulated_axis::AxisParameters;
+pub use simulated_battery::SimulatedBattery;
 pub use velocity_profile::{MotionState, VelocityProfile};

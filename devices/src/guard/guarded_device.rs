@@ -4,7 +4,8 @@ use std::sync::Arc;
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-use super::watchdog::Watchdog;
+use super::default_guards::known;
+use super::watchdog::{WatchSettings, Watchdog};
 use super::{JointLimits, RateLimits, TorqueLimits};
 use crate::{Axes, Device, DeviceError};
 
@@ -17,19 +18,25 @@ pub struct GuardedOptions {
     pub rate_limits: RateLimits,
     /// Allowed torques.
     pub torque_limits: TorqueLimits,
-    /// Maximum time for which a joint continues with a velocity or torque without a new command; `None` is unlimited,
-    /// as in the device itself.
+    /// Largest current of each motor, A; motors beyond the end of the list are unlimited.
+    pub current_limits: Vec<f64>,
+    /// Maximum time for which a joint continues with a velocity without a new command; `None` is unlimited, as in the
+    /// device itself.
     ///
     /// After it the joint is stopped and holds. A client that streams sends several commands within it.
     pub watchdog: Option<Duration>,
+    /// The same for torques, currents and duty cycles: after it the joint is put into position mode and holds.
+    pub effort_watchdog: Option<Duration>,
 }
 
 /// A driver behind guards: it has the interfaces of the driver that the guards support, and refuses forbidden
 /// commands with the name of the guard.
 ///
-/// Reference speeds and accelerations above the rate limits are reduced to them at the start. Interfaces that no
-/// guard knows are not offered, so that nothing gets past the guards. A dedicated thread monitors joints that move at
-/// a velocity; it ends when the device is dropped.
+/// Reference speeds and accelerations above the rate limits are reduced to them at the start. A dedicated thread monitors
+/// joints that follow a velocity, torque, current or duty cycle; it ends when the device is dropped. Position moves and
+/// direct positions need no watchdog: the joint ends at the target. Interfaces without commands to joints are those of
+/// the device, among them its variables, one of which may move it, like `pose` of
+/// [`EmbeddedWam`](crate::embedded::EmbeddedWam).
 ///
 /// ```
 /// use std::sync::Arc;
@@ -56,6 +63,7 @@ pub struct Guarded {
     pub(super) joint_limits: JointLimits,
     pub(super) rate_limits: RateLimits,
     pub(super) torque_limits: TorqueLimits,
+    pub(super) current_limits: Vec<f64>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -68,7 +76,15 @@ impl Guarded {
         slow_down(device.as_ref(), &options.rate_limits)?;
         let axes = device.axis_info().map_or(0, |info| info.axes());
         let limits = closer(device.as_ref(), &options.joint_limits, axes)?;
-        let watch = Arc::new(Watchdog::new(device, limits, options.watchdog, axes));
+        let mut all = options.joint_limits.clone();
+        all.0.truncate(axes);
+        let settings = WatchSettings {
+            limits,
+            effort_limits: all,
+            velocity_timeout: options.watchdog,
+            effort_timeout: options.effort_watchdog,
+        };
+        let watch = Arc::new(Watchdog::new(device, settings, axes));
         let theirs = Arc::clone(&watch);
         let thread = thread::Builder::new()
             .name("guard".into())
@@ -82,6 +98,7 @@ impl Guarded {
             joint_limits: options.joint_limits,
             rate_limits: options.rate_limits,
             torque_limits: options.torque_limits,
+            current_limits: options.current_limits,
             thread: Some(thread),
         })
     }
@@ -123,16 +140,14 @@ fn slow_down(device: &dyn Device, rates: &RateLimits) -> Result<(), DeviceError>
     for joint in (0..control.axes()).map(crate::AxisIndex::from) {
         let axes = Axes::One(joint);
         if let Some(most) = rates.speed(joint)
-            && control
-                .reference_speeds(axes)?
+            && known(control.reference_speeds(axes))?
                 .iter()
                 .any(|speed| *speed > most)
         {
             control.set_reference_speeds(axes, &[most])?;
         }
         if let Some(most) = rates.acceleration(joint)
-            && control
-                .reference_accelerations(axes)?
+            && known(control.reference_accelerations(axes))?
                 .iter()
                 .any(|acceleration| *acceleration > most)
         {

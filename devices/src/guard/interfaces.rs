@@ -2,9 +2,11 @@
 
 use super::{Guarded, pairs, unit};
 use crate::{
-    Axes, AxisIndex, AxisInfo, ControlLimits, ControlMode, Device, DeviceError, EncoderReading,
-    Encoders, JointType, Limits, Mode, MotionControl, PositionControl, PositionDirect,
-    TorqueControl, VelocityControl,
+    AmplifierControl, Axes, AxisIndex, AxisInfo, ControlCalibration, ControlLimits, ControlMode,
+    CurrentControl, Device, DeviceError, EncoderReading, Encoders, Grasp, Hand, ImpedanceControl,
+    InteractionMode, JointBrake, JointFault, JointType, Limits, Mode, MotionControl, Motor,
+    MotorEncoders, PidControl, PositionControl, PositionDirect, PwmControl, RemoteCalibrator,
+    RemoteVariables, TorqueControl, VelocityControl, VelocityDirect,
 };
 
 impl Device for Guarded {
@@ -38,6 +40,70 @@ impl Device for Guarded {
 
     fn torque_control(&self) -> Option<&dyn TorqueControl> {
         self.device().torque_control().map(|_| self as _)
+    }
+
+    fn velocity_direct(&self) -> Option<&dyn VelocityDirect> {
+        self.device().velocity_direct().map(|_| self as _)
+    }
+
+    fn current_control(&self) -> Option<&dyn CurrentControl> {
+        self.device().current_control().map(|_| self as _)
+    }
+
+    fn pwm_control(&self) -> Option<&dyn PwmControl> {
+        self.device().pwm_control().map(|_| self as _)
+    }
+
+    fn impedance_control(&self) -> Option<&dyn ImpedanceControl> {
+        self.device().impedance_control().map(|_| self as _)
+    }
+
+    fn pid_control(&self) -> Option<&dyn PidControl> {
+        self.device().pid_control().map(|_| self as _)
+    }
+
+    fn interaction_mode(&self) -> Option<&dyn InteractionMode> {
+        self.device().interaction_mode()
+    }
+
+    fn motor_encoders(&self) -> Option<&dyn MotorEncoders> {
+        self.device().motor_encoders()
+    }
+
+    fn motor(&self) -> Option<&dyn Motor> {
+        self.device().motor()
+    }
+
+    fn amplifier_control(&self) -> Option<&dyn AmplifierControl> {
+        self.device().amplifier_control()
+    }
+
+    fn control_calibration(&self) -> Option<&dyn ControlCalibration> {
+        self.device().control_calibration()
+    }
+
+    fn remote_calibrator(&self) -> Option<&dyn RemoteCalibrator> {
+        self.device().remote_calibrator()
+    }
+
+    fn remote_variables(&self) -> Option<&dyn RemoteVariables> {
+        self.device().remote_variables()
+    }
+
+    fn joint_fault(&self) -> Option<&dyn JointFault> {
+        self.device().joint_fault()
+    }
+
+    fn joint_brake(&self) -> Option<&dyn JointBrake> {
+        self.device().joint_brake()
+    }
+
+    fn hand(&self) -> Option<&dyn Hand> {
+        self.device().hand()
+    }
+
+    fn grasp(&self) -> Option<&dyn Grasp> {
+        self.device().grasp()
     }
 }
 
@@ -85,6 +151,16 @@ impl Guarded {
         let mut now = [EncoderReading::default()];
         self.measured()?.read_encoders(joint.into(), &mut now)?;
         Ok(now[0].position)
+    }
+
+    /// Checks a velocity of a joint, signed.
+    pub(super) fn check_velocity(&self, joint: AxisIndex, asked: f64) -> Result<(), DeviceError> {
+        let unit = self.unit(joint, 1);
+        self.rate_limits.check_velocity(joint, asked, unit)?;
+        if let Some(here) = self.where_limited(joint)? {
+            self.joint_limits.check_velocity(joint, asked, here, unit)?;
+        }
+        Ok(())
     }
 
     /// Returns either of the two, for their common methods.
@@ -200,11 +276,7 @@ impl VelocityControl for Guarded {
         let total = self.total();
         axes.check_command(total, "velocities", velocities.len())?;
         for (joint, asked) in pairs(axes, total, velocities) {
-            let unit = self.unit(joint, 1);
-            self.rate_limits.check_velocity(joint, asked, unit)?;
-            if let Some(here) = self.where_limited(joint)? {
-                self.joint_limits.check_velocity(joint, asked, here, unit)?;
-            }
+            self.check_velocity(joint, asked)?;
         }
         let control = self.velocity()?;
         let accelerations = control.reference_accelerations(axes)?;
@@ -238,7 +310,10 @@ impl ControlMode for Guarded {
             Mode::Position,
             Mode::PositionDirect,
             Mode::Velocity,
+            Mode::VelocityDirect,
             Mode::Torque,
+            Mode::Current,
+            Mode::Pwm,
         ];
         let mut modes = self.modes()?.available_control_modes(axis)?;
         modes.retain(|mode| commanded.contains(mode));
@@ -260,7 +335,14 @@ impl ControlMode for Guarded {
         self.modes()?.set_control_modes(axes, modes)?;
         // A joint that is already in velocity mode continues, and stays monitored.
         for (joint, mode) in axes.iter(total).zip(modes) {
-            if !matches!(mode, Mode::Velocity | Mode::Torque) {
+            let streams = [
+                Mode::Velocity,
+                Mode::VelocityDirect,
+                Mode::Torque,
+                Mode::Current,
+                Mode::Pwm,
+            ];
+            if !streams.contains(mode) {
                 self.watch.end_streams(joint.into(), total);
             }
         }

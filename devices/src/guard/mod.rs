@@ -4,11 +4,13 @@
 //! * [`JointLimits`]: joints stay inside limits that may be closer than the device's own.
 //! * [`RateLimits`]: maximum commanded speed and acceleration of joints.
 //! * [`TorqueLimits`]: maximum commanded torque of joints.
-//! * A watchdog: joints whose stream of velocities stops hold their positions.
+//! * A watchdog: joints whose stream of velocities, torques, currents or duty cycles stops hold their positions.
 //!
 //! A refusal is a [`DeviceError::Guarded`](crate::DeviceError::Guarded): it names the guard, the joint, the requested
 //! and the allowed value. A refused command does not reach the device.
 
+mod default_guards;
+mod effort_interfaces;
 mod guarded_device;
 mod interfaces;
 mod joint_limits;
@@ -17,6 +19,7 @@ mod streaming_interfaces;
 mod torque_limits;
 mod watchdog;
 
+pub use default_guards::{DEFAULT_EFFORT_TIMEOUT, DEFAULT_VELOCITY_TIMEOUT};
 pub use guarded_device::{Guarded, GuardedOptions};
 pub use joint_limits::JointLimits;
 pub use rate_limits::RateLimits;

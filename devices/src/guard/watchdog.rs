@@ -11,14 +11,27 @@ use crate::{Axes, AxisIndex, Device, DeviceError, Mode};
 /// Interval between checks of moving joints.
 const CHECK_INTERVAL: Duration = Duration::from_millis(10);
 
+/// Speed below which a joint under torques is at rest, per second: encoders count.
+const STANDSTILL_SPEED: f64 = 1.0;
+
 /// State shared by the thread and the callers.
 pub(super) struct Watchdog {
     pub(super) device: Arc<dyn Device>,
-    /// Only limits that are narrower than the device's own, which it enforces itself.
-    pub(super) limits: JointLimits,
-    pub(super) timeout: Option<Duration>,
+    settings: WatchSettings,
     state: Mutex<State>,
     woken: Condvar,
+}
+
+/// Limits and timeouts of a [`Watchdog`].
+pub(super) struct WatchSettings {
+    /// Limits of joints that move at a velocity: only those narrower than the device's own, which it enforces itself.
+    pub(super) limits: JointLimits,
+    /// Limits of joints under torques, which no device enforces.
+    pub(super) effort_limits: JointLimits,
+    /// Maximum age of a velocity.
+    pub(super) velocity_timeout: Option<Duration>,
+    /// Maximum age of a torque, a current or a duty cycle.
+    pub(super) effort_timeout: Option<Duration>,
 }
 
 struct State {
@@ -38,16 +51,10 @@ struct Stream {
 }
 
 impl Watchdog {
-    pub(super) fn new(
-        device: Arc<dyn Device>,
-        limits: JointLimits,
-        timeout: Option<Duration>,
-        axes: usize,
-    ) -> Self {
+    pub(super) fn new(device: Arc<dyn Device>, settings: WatchSettings, axes: usize) -> Self {
         Self {
             device,
-            limits,
-            timeout,
+            settings,
             state: Mutex::new(State {
                 streams: vec![None; axes],
                 ending: false,
@@ -66,7 +73,7 @@ impl Watchdog {
         self.note(joint, (velocity != 0.0).then_some(stream));
     }
 
-    /// Records a commanded torque of a joint; 0 does not end its stream, for the joint may coast.
+    /// Records a commanded torque, current or duty cycle of a joint; 0 does not end its stream, for the joint may coast.
     pub(super) fn record_torque(&self, joint: AxisIndex) {
         let stream = Stream {
             commanded_at: Instant::now(),
@@ -130,10 +137,14 @@ impl Watchdog {
 
     fn must_stop(&self, joint: AxisIndex, stream: &Stream) -> Option<&'static str> {
         let over = |timeout: Duration| stream.commanded_at.elapsed() > timeout;
-        if self.timeout.is_some_and(over) {
+        let (timeout, limits) = match stream.pushed {
+            true => (self.settings.effort_timeout, &self.settings.effort_limits),
+            false => (self.settings.velocity_timeout, &self.settings.limits),
+        };
+        if timeout.is_some_and(over) {
             return Some("its stream of commands has stopped");
         }
-        let limits = self.limits.of(joint)?;
+        let limits = limits.of(joint)?;
         let reading = self
             .device
             .encoders()?
@@ -142,6 +153,9 @@ impl Watchdog {
         let Ok(now) = reading else {
             return Some("its position is not known");
         };
+        if stream.pushed && now.speed.abs() < STANDSTILL_SPEED {
+            return None;
+        }
         // It continues for two periods before a stop can take effect, and then brakes.
         let going_on = now.speed * 2.0 * CHECK_INTERVAL.as_secs_f64();
         let braking = now.speed * now.speed.abs() / (2.0 * stream.acceleration);

@@ -54,3 +54,62 @@ pub enum AmplifierLimit {
     /// The largest duty cycle, percent.
     DutyCycle,
 }
+
+/// Describes the requests about amplifiers; the columns are explained in [`iface`](crate::iface).
+#[doc(hidden)]
+#[macro_export]
+macro_rules! describe_amplifier_control {
+    ($then:ident, [$($rest:ident)*] $($described:tt)*) => {
+        $crate::describe_board! {
+            @next $then, [$($rest)*] $($described)*
+            amplifier_control: AmplifierControl, "iAmplifierControl", "amplifiers" {
+                numbers {
+                    /// Current at which the amplifier switches off.
+                    MaxCurrent: "" ["maxc" "" ""] ["getMaxCurrent" "" ""]
+                        => (of_axis |amplifiers, axis| amplifiers.amplifier_limit(AmplifierLimit::MaxCurrent, axis));
+                    /// Current that the amplifier may give for ever.
+                    NominalCurrent: "" ["acno" "" ""] ["getNominalCurrent" "" ""]
+                        => (of_axis |amplifiers, axis| amplifiers.amplifier_limit(AmplifierLimit::NominalCurrent, axis));
+                    /// Current that the amplifier may give for a short time.
+                    PeakCurrent: "" ["acpk" "" ""] ["getPeakCurrent" "" ""]
+                        => (of_axis |amplifiers, axis| amplifiers.amplifier_limit(AmplifierLimit::PeakCurrent, axis));
+                    /// Largest duty cycle of the amplifier.
+                    DutyCycleLimit: "" ["pwml" "" ""] ["getPWMLimit" "" ""]
+                        => (of_axis |amplifiers, axis| amplifiers.amplifier_limit(AmplifierLimit::DutyCycle, axis));
+                    /// Duty cycle of the amplifier.
+                    AmplifierDutyCycle: "" ["pwm" "" ""] ["getPWM" "" ""] => (axis amplifier_duty_cycle);
+                    /// Supply voltage of the amplifier.
+                    SupplyVoltage: "" ["avsu" "" ""] ["getPowerSupplyVoltage" "" ""] => (axis supply_voltage);
+                }
+                settings {
+                    /// Current at which the amplifier switches off.
+                    MaxCurrent: "" ["maxc" "" ""] ["setMaxCurrent" "" ""]
+                        => (of_axis |amplifiers, axis, value| amplifiers.set_amplifier_limit(AmplifierLimit::MaxCurrent, axis, value));
+                    /// Current that the amplifier may give for ever.
+                    NominalCurrent: "" ["acno" "" ""] ["setNominalCurrent" "" ""]
+                        => (of_axis |amplifiers, axis, value| amplifiers.set_amplifier_limit(AmplifierLimit::NominalCurrent, axis, value));
+                    /// Current that the amplifier may give for a short time.
+                    PeakCurrent: "" ["acpk" "" ""] ["setPeakCurrent" "" ""]
+                        => (of_axis |amplifiers, axis, value| amplifiers.set_amplifier_limit(AmplifierLimit::PeakCurrent, axis, value));
+                    /// Largest duty cycle of the amplifier.
+                    DutyCycleLimit: "" ["pwml" "" ""] ["setPWMLimit" "" ""]
+                        => (of_axis |amplifiers, axis, value| amplifiers.set_amplifier_limit(AmplifierLimit::DutyCycle, axis, value));
+                }
+                actions {
+                    /// Switch amplifiers on.
+                    EnableAmplifiers: "" ["aen" "" ""] ["enableAmp" "" ""]
+                        => (by |amplifiers, axes| amplifiers.enable_amplifiers(axes, true));
+                    /// Switch amplifiers off.
+                    DisableAmplifiers: "" ["adi" "" ""] ["disableAmp" "" ""]
+                        => (by |amplifiers, axes| amplifiers.enable_amplifiers(axes, false));
+                }
+                queries {
+                    /// States of amplifiers.
+                    AmplifierStatus -> Vec<i32>: "" ["asts" "" "asta"] ["getAmpStatusOne" "" "getAmpStatusAll"]
+                        => (each amplifier_status);
+                }
+                commands {}
+            }
+        }
+    };
+}

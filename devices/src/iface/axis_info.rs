@@ -32,3 +32,28 @@ pub enum JointType {
     #[default]
     Unknown,
 }
+
+/// Describes the requests about number, names and kinds of the axes; the columns are explained in [`iface`](crate::iface).
+#[doc(hidden)]
+#[macro_export]
+macro_rules! describe_axis_info {
+    ($then:ident, [$($rest:ident)*] $($described:tt)*) => {
+        $crate::describe_board! {
+            @next $then, [$($rest)*] $($described)*
+            axis_info: AxisInfo, "iAxisInfo", "axis information" {
+                numbers {}
+                settings {}
+                actions {}
+                queries {
+                    /// Number of axes.
+                    Axes -> usize: "" ["" "" "axes"] ["" "" "getAxes"] => (by |info, _| Ok(info.axes()));
+                    /// Name of an axis.
+                    Name -> String: "" ["name" "" ""] ["getAxisName" "" ""] => (axis axis_name);
+                    /// Kind of an axis.
+                    Type -> JointType: "" ["type" "" ""] ["getJointType" "" ""] => (axis joint_type);
+                }
+                commands {}
+            }
+        }
+    };
+}

@@ -46,8 +46,8 @@ pub trait CartesianControl: Send + Sync {
     /// Goes there in about `time` seconds, and returns at once (`goToPose`, `goToPosition`).
     ///
     /// * `time`: none, or none above 0, for the trajectory time that is set.
-    /// * A target out of reach is not refused: the tool moves to the nearest pose that is found, see
-    ///   [`ask`](Self::ask) and [`desired`](Self::desired).
+    /// * A target is refused if what has priority in it is out of reach by more than the tolerance; nothing moves then.
+    ///   [`ask`](Self::ask) finds the nearest pose.
     /// * A device behind a network does not get a refusal; [`go_to_sync`](Self::go_to_sync) does.
     fn go_to(&self, target: Target, time: Option<f64>) -> Result<(), DeviceError>;
 

@@ -58,3 +58,42 @@ pub struct CalibrationParameters {
     /// Position of zero.
     pub zero: f64,
 }
+
+/// Describes the requests about calibration by the board; the columns are explained in [`iface`](crate::iface).
+#[doc(hidden)]
+#[macro_export]
+macro_rules! describe_control_calibration {
+    ($then:ident, [$($rest:ident)*] $($described:tt)*) => {
+        $crate::describe_board! {
+            @next $then, [$($rest)*] $($described)*
+            control_calibration: ControlCalibration, "iControlCalibration", "calibration" {
+                numbers {}
+                settings {}
+                actions {
+                    /// Calibrate by the board.
+                    CalibrateRobot: "*" ["" "" "cal"] ["" "" "calibrateRobot"] => (board calibrate_robot);
+                    /// Park by the board. Never waited for: that would hold up the client, and the connection with it.
+                    ParkRobot: "*" ["" "" "park"] ["" "" "park"] => (by |calibration, _| calibration.park_robot(false));
+                    /// End a calibration by the board.
+                    AbortCalibration: "*" ["" "" "abca"] ["" "" "abortCalibration"] => (board abort_calibration);
+                    /// End parking by the board.
+                    AbortPark: "*" ["" "" "abpa"] ["" "" "abortPark"] => (board abort_park);
+                }
+                queries {
+                    /// True if an axis is calibrated.
+                    CalibrationDone -> bool: "*" ["cald" "" ""] ["calibrationDone" "" ""] => (axis calibration_done);
+                }
+                commands {
+                    /// Start to calibrate an axis.
+                    CalibrateAxis(axis: AxisIndex, method: u32, parameters: [f64; 3]): "*" ["calj" "" ""]
+                        ["calibrateAxisWithParams" "" ""]
+                        => (axis calibrate_axis);
+                    /// Calibration parameters of an axis.
+                    CalibrationParameters(axis: AxisIndex, parameters: CalibrationParameters): "*" ["cljp" "" ""]
+                        ["setCalibrationParameters" "" ""]
+                        => (axis set_calibration_parameters);
+                }
+            }
+        }
+    };
+}

@@ -100,3 +100,33 @@ impl fmt::Display for Limits {
         write!(f, "{} to {}", self.min, self.max)
     }
 }
+
+/// Describes the requests about position and velocity limits; the columns are explained in [`iface`](crate::iface).
+#[doc(hidden)]
+#[macro_export]
+macro_rules! describe_control_limits {
+    ($then:ident, [$($rest:ident)*] $($described:tt)*) => {
+        $crate::describe_board! {
+            @next $then, [$($rest)*] $($described)*
+            control_limits: ControlLimits, "iControlLimits", "control limits" {
+                numbers {}
+                settings {}
+                actions {}
+                queries {
+                    /// Smallest and largest position.
+                    PositionLimits -> Limits: "" ["llim" "" ""] ["getPosLimits" "" ""] => (axis position_limits);
+                    /// Smallest and largest velocity.
+                    VelocityLimits -> Limits: "" ["vlim" "" ""] ["getVelLimits" "" ""] => (axis velocity_limits);
+                }
+                commands {
+                    /// Position limits of an axis.
+                    PositionLimits(axis: AxisIndex, limits: Limits): "" ["llim" "" ""] ["setPosLimits" "" ""]
+                        => (axis set_position_limits);
+                    /// Velocity limits of an axis.
+                    VelocityLimits(axis: AxisIndex, limits: Limits): "" ["vlim" "" ""] ["setVelLimits" "" ""]
+                        => (axis set_velocity_limits);
+                }
+            }
+        }
+    };
+}

@@ -168,6 +168,39 @@ fn row(mode: Mode) -> (Mode, u32, &'static str) {
         .expect("every mode but `Unknown` has a row, which a test checks")
 }
 
+/// Describes the requests about control modes; the columns are explained in [`iface`](crate::iface).
+#[doc(hidden)]
+#[macro_export]
+macro_rules! describe_control_mode {
+    ($then:ident, [$($rest:ident)*] $($described:tt)*) => {
+        $crate::describe_board! {
+            @next $then, [$($rest)*] $($described)*
+            control_mode: ControlMode, "iControlMode", "control modes" {
+                numbers {}
+                settings {}
+                actions {
+                    /// All joints to torque mode (3.x).
+                    TorqueMode: "torq" ["" "" "trqd"] ["" "" ""]
+                        => (by |modes, axes| modes.set_control_modes(axes, &vec![Mode::Torque; modes.axes()]));
+                }
+                queries {
+                    /// Control modes (3.x; in 4.0 they are in the state only).
+                    ControlModes -> Vec<Mode>: "icmd" ["cmod" "cmog" "cmds"] ["" "" ""] => (by |modes, axes| modes.control_modes(axes));
+                    /// The modes an axis can be set to (4.0).
+                    AvailableModes -> Choices<Mode>: "" ["" "" ""] ["getAvailableControlModes" "" ""]
+                        => (of_axis |modes, axis| modes.available_control_modes(axis).map(Choices));
+                }
+                commands {
+                    /// Control modes.
+                    ControlModes(selection: Selection, modes: Vec<Mode>): "icmd" ["cmod" "cmog" "cmds"]
+                        ["setControlModeOne" "setControlModeGroup" "setControlModeAll"]
+                        => (by |control| control.set_control_modes(selection.axes(), modes));
+                }
+            }
+        }
+    };
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

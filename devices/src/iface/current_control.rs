@@ -28,3 +28,37 @@ pub trait CurrentControl: AxisInfo {
     /// Errors: [`DeviceError::NoSuchAxis`].
     fn reference_currents(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError>;
 }
+
+/// Describes the requests about motor currents; the columns are explained in [`iface`](crate::iface).
+#[doc(hidden)]
+#[macro_export]
+macro_rules! describe_current_control {
+    ($then:ident, [$($rest:ident)*] $($described:tt)*) => {
+        $crate::describe_board! {
+            @next $then, [$($rest)*] $($described)*
+            current_control: CurrentControl, "iCurrentControl", "current control" {
+                numbers {
+                    /// Measured current.
+                    Current: "" ["acu" "" "acus"] ["getCurrentOne" "" "getCurrentAll"]
+                        => (by |control, axes| control.currents(axes));
+                    /// The last commanded current.
+                    ReferenceCurrent: "icur" ["ref" "" "refs"] ["getRefCurrentOne" "" "getRefCurrentAll"]
+                        => (each reference_currents);
+                }
+                settings {
+                    /// Feed the motor this current.
+                    Current: "" ["" "" ""]
+                        ["setRefCurrentOne" "setRefCurrentGroup" "setRefCurrentAll"]
+                        => (each set_reference_currents "currents");
+                }
+                actions {}
+                queries {
+                    /// Smallest and largest current.
+                    CurrentRange -> Vec<Limits>: "icur" ["rng" "" "rngs"] ["getCurrentRangeOne" "" "getCurrentRangeAll"]
+                        => (each current_ranges);
+                }
+                commands {}
+            }
+        }
+    };
+}

@@ -54,3 +54,43 @@ pub struct EncoderReading {
     /// Time of the measurement: seconds since the start of 1970, UTC.
     pub time: f64,
 }
+
+/// Describes the requests about joint encoders; the columns are explained in [`iface`](crate::iface).
+#[doc(hidden)]
+#[macro_export]
+macro_rules! describe_encoders {
+    ($then:ident, [$($rest:ident)*] $($described:tt)*) => {
+        $crate::describe_board! {
+            @next $then, [$($rest)*] $($described)*
+            encoders: Encoders, "iEncodersTimed", "encoders" {
+                numbers {
+                    /// Measured position.
+                    Position: "" ["enc" "" "encs"] ["getEncoderOne" "" "getEncoderAll"]
+                        => (by |encoders, axes| Ok(each(&encoders.encoder_readings(axes)?, |now| now.position)));
+                    /// Measured speed.
+                    Speed: "" ["esp" "" "esps"] ["getEncoderSpeedOne" "" "getEncoderSpeedAll"]
+                        => (by |encoders, axes| Ok(each(&encoders.encoder_readings(axes)?, |now| now.speed)));
+                    /// Measured acceleration.
+                    Acceleration: "" ["eac" "" "eacs"] ["getEncoderAccelerationOne" "" "getEncoderAccelerationAll"]
+                        => (by |encoders, axes| Ok(each(&encoders.encoder_readings(axes)?, |now| now.acceleration)));
+                }
+                settings {
+                    /// Call the present position this.
+                    Encoder: "" ["enc" "" "encs"] ["setEncoderOne" "" "setEncoderAll"]
+                        => (each set_encoders "encoder positions");
+                }
+                actions {
+                    /// Call the present positions 0.
+                    ResetEncoders: "" ["ere" "" "eres"] ["resetEncoderOne" "" "resetEncoderAll"]
+                        => (axes reset_encoders "reset the encoders of");
+                }
+                queries {
+                    /// Positions and when they were measured (4.0).
+                    TimedPositions -> Vec<EncoderReading>: "" ["" "" ""] ["getEncoderTimedOne" "" "getEncoderTimedAll"]
+                        => (by |encoders, axes| encoders.encoder_readings(axes));
+                }
+                commands {}
+            }
+        }
+    };
+}

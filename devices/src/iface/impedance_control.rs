@@ -47,3 +47,38 @@ pub struct ImpedanceLimits {
     /// Nm s/deg, N s/m.
     pub damping: Limits,
 }
+
+/// Describes the requests about impedance of compliant joints; the columns are explained in [`iface`](crate::iface).
+#[doc(hidden)]
+#[macro_export]
+macro_rules! describe_impedance_control {
+    ($then:ident, [$($rest:ident)*] $($described:tt)*) => {
+        $crate::describe_board! {
+            @next $then, [$($rest)*] $($described)*
+            impedance_control: ImpedanceControl, "iImpedanceControl", "impedance control" {
+                numbers {
+                    /// Torque added to that of the spring.
+                    ImpedanceOffset: "iimp" ["iof" "" ""] ["getImpedanceOffset" "" ""] => (axis impedance_offset);
+                }
+                settings {
+                    /// Torque added to that of the spring.
+                    ImpedanceOffset: "iimp" ["iof" "" ""] ["setImpedanceOffset" "" ""]
+                        => (axis set_impedance_offset "impedance offset");
+                }
+                actions {}
+                queries {
+                    /// Stiffness and damping of an axis.
+                    Impedance -> Impedance: "iimp" ["ipr" "" ""] ["getImpedance" "" ""] => (axis impedance);
+                    /// Ranges of stiffness and damping.
+                    ImpedanceLimits -> ImpedanceLimits: "iimp" ["llim" "" ""] ["getCurrentImpedanceLimit" "" ""]
+                        => (axis impedance_limits);
+                }
+                commands {
+                    /// Stiffness and damping of an axis.
+                    Impedance(axis: AxisIndex, impedance: Impedance): "iimp" ["ipr" "" ""] ["setImpedance" "" ""]
+                        => (axis set_impedance);
+                }
+            }
+        }
+    };
+}

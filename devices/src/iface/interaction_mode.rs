@@ -54,3 +54,31 @@ impl From<Interaction> for u32 {
         }
     }
 }
+
+/// Describes the requests about interaction modes; the columns are explained in [`iface`](crate::iface).
+#[doc(hidden)]
+#[macro_export]
+macro_rules! describe_interaction_mode {
+    ($then:ident, [$($rest:ident)*] $($described:tt)*) => {
+        $crate::describe_board! {
+            @next $then, [$($rest)*] $($described)*
+            interaction_mode: InteractionMode, "iInteractionMode", "interaction modes" {
+                numbers {}
+                settings {}
+                actions {}
+                queries {
+                    /// Interaction modes.
+                    Interactions -> Vec<Interaction>: "intm" ["mode" "modg" "mods"]
+                        ["getInteractionModeOne" "getInteractionModesGroup" "getInteractionModesAll"]
+                        => (by |modes, axes| modes.interactions(axes));
+                }
+                commands {
+                    /// Interaction modes.
+                    Interactions(selection: Selection, interactions: Vec<Interaction>): "intm" ["mode" "modg" "mods"]
+                        ["setInteractionModeOne" "setInteractionModesGroup" "setInteractionModesAll"]
+                        => (by |modes| modes.set_interactions(selection.axes(), interactions));
+                }
+            }
+        }
+    };
+}

@@ -18,3 +18,24 @@ pub struct Fault {
     /// Its meaning.
     pub message: String,
 }
+
+/// Describes the requests about faults of the joints; the columns are explained in [`iface`](crate::iface).
+#[doc(hidden)]
+#[macro_export]
+macro_rules! describe_joint_fault {
+    ($then:ident, [$($rest:ident)*] $($described:tt)*) => {
+        $crate::describe_board! {
+            @next $then, [$($rest)*] $($described)*
+            joint_fault: JointFault, "iJointFault", "joint faults" {
+                numbers {}
+                settings {}
+                actions {}
+                queries {
+                    /// The last fault of an axis.
+                    Fault -> Fault: "ijfl" ["jhfl" "" ""] ["getLastJointFault" "" ""] => (axis last_fault);
+                }
+                commands {}
+            }
+        }
+    };
+}

@@ -6,12 +6,169 @@
 //! in [`CartesianControl`] alone, for the orientation of a tool). The stock overloads for one, several and all joints
 //! are one method with an [`Axes`](crate::Axes) selector. A command for several joints is checked completely before
 //! anything moves: all of it happens, or none.
+//!
+//! # Descriptions of requests
+//!
+//! Below the trait of each interface of control boards stands its description (`describe_...`): a row for each request
+//! that clients send about it. Parsing and printing in both wire versions, the lookup of words and functions, the calls
+//! of the device, the replies, and the methods of the client are generated from these rows. [`describe_board`]
+//! lists the descriptions. The header of a description has the method of [`Device`](crate::Device), the trait, the name
+//! in YARP 4.0 (empty if it has none), and the name in errors. A row is
+//!
+//! ```text
+//! /// Documentation.
+//! Name -> Result: "prefix" ["one" "group" "all"] ["oneFunction" "groupFunction" "allFunction"] => (call);
+//! ```
+//!
+//! | column | content |
+//! | --- | --- |
+//! | `Name` | name of the request in Rust; `{ kind: PidKind }` behind it if it is about one of several control loops |
+//! | `-> Result` | type of the result (queries); `(name: Type, ..)` types of the arguments (commands) |
+//! | prefix | 3.x: word before the others; `""` for none, `"*"` for a word at the start of the message |
+//! | words | 3.x: words for one axis, a group, all axes; `""` for a missing one |
+//! | functions | 4.0: the same, without `RPC` at the end |
+//! | call | see below |
+//!
+//! | section | request | calls |
+//! | --- | --- | --- |
+//! | `numbers` | reads one number per axis | `each METHOD` (`Axes` to a `Vec`), `axis METHOD` (one axis) |
+//! | `settings` | sets one number per axis | the same, followed by the name of the values in errors |
+//! | `actions` | acts on axes, without values | `axes METHOD "verb"`, `board METHOD` |
+//! | `queries` | reads anything else | `axis`, `each`, `axes` (one answer for all), `board` |
+//! | `commands` | sets anything else | `axis METHOD` (an axis, then the other arguments) |
+//!
+//! `by |interface, axes| expression` and `of_axis |interface, axis| expression` call the device in any other way; then
+//! the client's method is written by hand.
+
+/// Hands the list of all interfaces of devices to the macro `$then`: the method of [`Device`](crate::Device) that
+/// returns it, and the trait.
+macro_rules! device_interfaces {
+    ($then:ident) => {
+        $then! {
+            /// Number, names and kinds of the axes (`IAxisInfo`).
+            axis_info: AxisInfo;
+            /// Point-to-point moves (`IPositionControl`).
+            position_control: PositionControl;
+            /// Moves at a given velocity (`IVelocityControl`).
+            velocity_control: VelocityControl;
+            /// Returns the joint encoders (`IEncodersTimed`).
+            encoders: Encoders;
+            /// Returns the control modes of the joints (`IControlMode`).
+            control_mode: ControlMode;
+            /// Returns the position and velocity limits (`IControlLimits`).
+            control_limits: ControlLimits;
+            /// Positions given step by step (`IPositionDirect`).
+            position_direct: PositionDirect;
+            /// Velocities given step by step (`IVelocityDirect`).
+            velocity_direct: VelocityDirect;
+            /// Torques at the joints (`ITorqueControl`).
+            torque_control: TorqueControl;
+            /// Currents of the motors (`ICurrentControl`).
+            current_control: CurrentControl;
+            /// Duty cycles of the motors (`IPWMControl`).
+            pwm_control: PwmControl;
+            /// Returns the interaction modes (`IInteractionMode`).
+            interaction_mode: InteractionMode;
+            /// Returns the impedance of compliant joints (`IImpedanceControl`).
+            impedance_control: ImpedanceControl;
+            /// The control loops (`IPidControl`).
+            pid_control: PidControl;
+            /// Returns the motor encoders (`IMotorEncoders`).
+            motor_encoders: MotorEncoders;
+            /// The motors themselves (`IMotor`).
+            motor: Motor;
+            /// The amplifiers (`IAmplifierControl`).
+            amplifier_control: AmplifierControl;
+            /// Calibration by the board (`IControlCalibration`).
+            control_calibration: ControlCalibration;
+            /// Calibration by a calibrator (`IRemoteCalibrator`).
+            remote_calibrator: RemoteCalibrator;
+            /// Variables of its own (`IRemoteVariables`).
+            remote_variables: RemoteVariables;
+            /// Faults of the joints (`IJointFault`).
+            joint_fault: JointFault;
+            /// Brakes (`IJointBrake`).
+            joint_brake: JointBrake;
+            /// Returns the Cartesian controller (`ICartesianControl`).
+            cartesian_control: CartesianControl;
+            /// A hand as a whole; no stock interface is like it.
+            hand: Hand;
+            /// Grasps by name; no stock interface is like it.
+            grasp: Grasp;
+            /// Images in colour (`IFrameGrabberImage`).
+            frame_grabber_image: FrameGrabberImage;
+            /// Images in one channel (`IFrameGrabberImageRaw`).
+            frame_grabber_image_raw: FrameGrabberImageRaw;
+            /// Returns the features of a camera (`IFrameGrabberControls`).
+            frame_grabber_controls: FrameGrabberControls;
+            /// Returns the controls of cameras on IEEE 1394 (`IFrameGrabberControlsDC1394`).
+            firewire_controls: FirewireControls;
+            /// Returns the optical parameters of a camera (`IRgbVisualParams`).
+            rgb_visual_params: RgbVisualParams;
+            /// Sound from a microphone (`IAudioGrabberSound`).
+            audio_grabber: AudioGrabber;
+            /// Sound to a loudspeaker (`IAudioRender`).
+            audio_render: AudioRender;
+            /// Returns the battery of a robot (`IBattery`).
+            battery: Battery;
+            /// Sensors of several kinds (stock: multiple analog sensors).
+            analog_sensors: AnalogSensors;
+            /// One sensor of several channels (`IAnalogSensor` of 3.x).
+            analog_sensor: AnalogSensor;
+            /// Bytes over a line (`ISerialDevice`).
+            serial_device: SerialDevice;
+        }
+    };
+}
+pub(crate) use device_interfaces;
+
+/// Hands the descriptions of all interfaces of control boards to the macro `$then`, as one sequence.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! describe_board {
+    (@next $then:ident, [] $($described:tt)*) => {
+        $then! { $($described)* }
+    };
+    (@next $then:ident, [$first:ident $($rest:ident)*] $($described:tt)*) => {
+        $crate::$first! { $then, [$($rest)*] $($described)* }
+    };
+    ($then:ident) => {
+        $crate::describe_board! { @next $then, [
+            describe_axis_info
+            describe_motion_control
+            describe_position_control
+            describe_velocity_control
+            describe_encoders
+            describe_control_mode
+            describe_control_limits
+            describe_position_direct
+            describe_velocity_direct
+            describe_torque_control
+            describe_current_control
+            describe_pwm_control
+            describe_interaction_mode
+            describe_impedance_control
+            describe_pid_control
+            describe_motor_encoders
+            describe_motor
+            describe_amplifier_control
+            describe_control_calibration
+            describe_remote_calibrator
+            describe_remote_variables
+            describe_joint_fault
+            describe_joint_brake
+        ] }
+    };
+}
 
 mod amplifier_control;
+mod analog_sensor;
+mod analog_sensors;
 mod audio;
 mod audio_grabber;
 mod audio_render;
 mod axis_info;
+mod battery;
 mod cartesian_control;
 mod control_calibration;
 mod control_limits;
@@ -43,10 +200,13 @@ mod velocity_control;
 mod velocity_direct;
 
 pub use amplifier_control::{AmplifierControl, AmplifierLimit};
+pub use analog_sensor::AnalogSensor;
+pub use analog_sensors::{AnalogSensors, SensorInfo, SensorKind, SensorReading, SensorStatus};
 pub use audio::{Audio, AudioBufferSize};
 pub use audio_grabber::AudioGrabber;
 pub use audio_render::AudioRender;
 pub use axis_info::{AxisInfo, JointType};
+pub use battery::{Battery, BatteryReading, BatteryStatus};
 pub(crate) use cartesian_control::EVENTS_KEPT;
 pub use cartesian_control::{
     CartesianControl, CartesianEvent, CartesianInfo, PoseSolution, Priority, StampedPose, Target,

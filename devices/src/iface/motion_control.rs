@@ -39,3 +39,34 @@ pub trait MotionControl: AxisInfo {
     /// Errors: [`DeviceError::NoSuchAxis`].
     fn reference_accelerations(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError>;
 }
+
+/// Describes the requests about stops and accelerations; the columns are explained in [`iface`](crate::iface).
+#[doc(hidden)]
+#[macro_export]
+macro_rules! describe_motion_control {
+    ($then:ident, [$($rest:ident)*] $($described:tt)*) => {
+        $crate::describe_board! {
+            @next $then, [$($rest)*] $($described)*
+            motion_control: MotionControl, "", "velocity control" {
+                numbers {
+                    /// Acceleration of the joint.
+                    ReferenceAcceleration: "" ["acc" "accg" "accs"]
+                        ["getTrajAccelerationOne" "getTrajAccelerationGroup" "getTrajAccelerationAll"]
+                        => (each reference_accelerations);
+                }
+                settings {
+                    /// Acceleration of the joint.
+                    ReferenceAcceleration: "" ["acc" "accg" "accs"]
+                        ["setTrajAccelerationOne" "setTrajAccelerationsGroup" "setTrajAccelerationsAll"]
+                        => (each set_reference_accelerations "reference accelerations");
+                }
+                actions {
+                    /// Come to rest.
+                    Stop: "" ["sto" "stog" "stos"] ["stopOne" "stopGroup" "stopAll"] => (axes stop "stop");
+                }
+                queries {}
+                commands {}
+            }
+        }
+    };
+}

@@ -180,3 +180,79 @@ impl PidUnits {
         }
     }
 }
+
+/// Describes the requests about control loops; the columns are explained in [`iface`](crate::iface).
+#[doc(hidden)]
+#[macro_export]
+macro_rules! describe_pid_control {
+    ($then:ident, [$($rest:ident)*] $($described:tt)*) => {
+        $crate::describe_board! {
+            @next $then, [$($rest)*] $($described)*
+            pid_control: PidControl, "iPidControl", "control loops" {
+                numbers {
+                    /// The reference of a control loop.
+                    PidReference { kind: PidKind }: "pid" ["ref" "" "refs"] ["getPidReference" "" "getPidReferences"]
+                        => (by |pids, axes| pids.pid_values(kind, PidValue::Reference, axes));
+                    /// The maximum error of a control loop.
+                    PidErrorLimit { kind: PidKind }: "pid" ["lim" "" "lims"] ["getPidErrorLimit" "" "getPidErrorLimits"]
+                        => (by |pids, axes| pids.pid_values(kind, PidValue::ErrorLimit, axes));
+                    /// The error of a control loop.
+                    PidError { kind: PidKind }: "pid" ["err" "" "errs"] ["getPidError" "" "getPidErrors"]
+                        => (by |pids, axes| pids.pid_values(kind, PidValue::Error, axes));
+                    /// The output of a control loop.
+                    PidOutput { kind: PidKind }: "pid" ["out" "" "outs"] ["getPidOutput" "" "getPidOutputs"]
+                        => (by |pids, axes| pids.pid_values(kind, PidValue::Output, axes));
+                    /// The offset of the output of a control loop. 3.x can set it, not read it.
+                    PidOffset { kind: PidKind }: "pid" ["" "" ""] ["getPidOffset" "" ""]
+                        => (by |pids, axes| pids.pid_values(kind, PidValue::Offset, axes));
+                    /// The feedforward term of a control loop.
+                    PidFeedforward { kind: PidKind }: "pid" ["" "" ""] ["getPidFeedforward" "" ""]
+                        => (by |pids, axes| pids.pid_values(kind, PidValue::Feedforward, axes));
+                }
+                settings {
+                    /// The reference of a control loop.
+                    PidReference { kind: PidKind }: "pid" ["ref" "" "refs"] ["setPidReference" "" "setPidReferences"]
+                        => (by |pids, axes, values| pids.set_pid_values(kind, PidValue::Reference, axes, values));
+                    /// The maximum error of a control loop.
+                    PidErrorLimit { kind: PidKind }: "pid" ["lim" "" "lims"] ["setPidErrorLimit" "" "setPidErrorLimits"]
+                        => (by |pids, axes, values| pids.set_pid_values(kind, PidValue::ErrorLimit, axes, values));
+                    /// The offset of the output of a control loop.
+                    PidOffset { kind: PidKind }: "pid" ["off" "" ""] ["setPidOffsetOne" "" ""]
+                        => (by |pids, axes, values| pids.set_pid_values(kind, PidValue::Offset, axes, values));
+                    /// The feedforward term of a control loop.
+                    PidFeedforward { kind: PidKind }: "pid" ["" "" ""] ["setPidFeedforwardOne" "" ""]
+                        => (by |pids, axes, values| pids.set_pid_values(kind, PidValue::Feedforward, axes, values));
+                }
+                actions {
+                    /// Forget the integrals of loops.
+                    ResetPids { kind: PidKind }: "pid" ["res" "" ""] ["resetPid" "" ""] => (by |pids, axes| pids.reset_pids(kind, axes));
+                    /// Close loops.
+                    EnablePids { kind: PidKind }: "pid" ["ena" "" ""] ["enablePid" "" ""]
+                        => (by |pids, axes| pids.enable_pids(kind, axes, true));
+                    /// Open loops.
+                    DisablePids { kind: PidKind }: "pid" ["dis" "" ""] ["disablePid" "" ""]
+                        => (by |pids, axes| pids.enable_pids(kind, axes, false));
+                }
+                queries {
+                    /// Gains of control loops.
+                    Pids { kind: PidKind } -> Vec<Pid>: "pid" ["pid" "" "pids"] ["getPid" "" "getPids"]
+                        => (by |pids, axes| pids.pids(kind, axes));
+                    /// True if a loop is closed.
+                    PidEnabled { kind: PidKind } -> bool: "pid" ["ena" "" ""] ["isPidEnabled" "" ""]
+                        => (by |pids, axes| Ok(pids.pids_enabled(kind, axes)?.into_iter().all(|one| one)));
+                    /// Meaning of the numbers of a loop (4.0).
+                    PidInfo { kind: PidKind } -> Vec<PidInfo>: "" ["" "" ""] ["getPidExtraInfo" "" "getPidExtraInfos"]
+                        => (by |pids, axes| pids.pid_info(kind, axes));
+                    /// The loops of an axis (4.0).
+                    AvailablePids -> Choices<PidKind>: "" ["" "" ""] ["getAvailablePids" "" ""]
+                        => (of_axis |pids, axis| pids.available_pids(axis).map(Choices));
+                }
+                commands {
+                    /// Gains of control loops.
+                    Pids(kind: PidKind, selection: Selection, pids: Vec<Pid>): "pid" ["pid" "" "pids"] ["setPid" "" "setPids"]
+                        => (by |loops| loops.set_pids(*kind, selection.axes(), pids));
+                }
+            }
+        }
+    };
+}

@@ -47,3 +47,48 @@ pub trait PositionControl: MotionControl {
     /// Errors: [`DeviceError::NoSuchAxis`].
     fn reference_speeds(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError>;
 }
+
+/// Describes the requests about point-to-point moves; the columns are explained in [`iface`](crate::iface).
+#[doc(hidden)]
+#[macro_export]
+macro_rules! describe_position_control {
+    ($then:ident, [$($rest:ident)*] $($described:tt)*) => {
+        $crate::describe_board! {
+            @next $then, [$($rest)*] $($described)*
+            position_control: PositionControl, "iPositionControl", "position control" {
+                numbers {
+                    /// The last target of the joint.
+                    TargetPosition: "" ["pos" "posg" "poss"]
+                        ["getTargetPositionOne" "getTargetPositionGroup" "getTargetPositionAll"]
+                        => (each target_positions);
+                    /// Speed of point-to-point moves.
+                    ReferenceSpeed: "" ["vel" "velg" "vels"]
+                        ["getTrajSpeedOne" "getTrajSpeedsGroup" "getTrajSpeedsAll"]
+                        => (each reference_speeds);
+                }
+                settings {
+                    /// Go there.
+                    Position: "" ["pos" "posg" "poss"]
+                        ["positionMoveOne" "positionMoveGroup" "positionMoveAll"]
+                        => (each position_move "target positions");
+                    /// Go so far.
+                    Distance: "" ["rel" "relg" "rels"]
+                        ["relativeMoveOne" "relativeMoveGroup" "relativeMoveAll"]
+                        => (each relative_move "distances");
+                    /// Speed of point-to-point moves.
+                    ReferenceSpeed: "" ["vel" "velg" "vels"]
+                        ["setTrajSpeedOne" "setTrajSpeedGroup" "setTrajSpeedAll"]
+                        => (each set_reference_speeds "reference speeds");
+                }
+                actions {}
+                queries {
+                    /// True if the joints are at rest.
+                    MotionDone -> bool: "" ["don" "dong" "dons"]
+                        ["checkMotionDoneOne" "checkMotionDoneGroup" "checkMotionDoneAll"]
+                        => (axes motion_done);
+                }
+                commands {}
+            }
+        }
+    };
+}

@@ -18,3 +18,31 @@ pub trait PositionDirect: AxisInfo {
     /// Errors: [`DeviceError::NoSuchAxis`].
     fn direct_positions(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError>;
 }
+
+/// Describes the requests about streamed positions; the columns are explained in [`iface`](crate::iface).
+#[doc(hidden)]
+#[macro_export]
+macro_rules! describe_position_direct {
+    ($then:ident, [$($rest:ident)*] $($described:tt)*) => {
+        $crate::describe_board! {
+            @next $then, [$($rest)*] $($described)*
+            position_direct: PositionDirect, "iPositionDirect", "direct positions" {
+                numbers {
+                    /// The position last sent step by step.
+                    DirectPosition: "" ["dpo" "dpog" "dpos"]
+                        ["getRefPositionOne" "getRefPositionGroup" "getRefPositionAll"]
+                        => (each direct_positions);
+                }
+                settings {
+                    /// Be there now.
+                    DirectPosition: "" ["" "" ""]
+                        ["setRefPositionOne" "setRefPositionGroup" "setRefPositionAll"]
+                        => (each set_direct_positions "positions");
+                }
+                actions {}
+                queries {}
+                commands {}
+            }
+        }
+    };
+}

@@ -27,3 +27,33 @@ pub trait PwmControl: AxisInfo {
     /// Errors: [`DeviceError::NoSuchAxis`].
     fn reference_duty_cycles(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError>;
 }
+
+/// Describes the requests about motor duty cycles; the columns are explained in [`iface`](crate::iface).
+#[doc(hidden)]
+#[macro_export]
+macro_rules! describe_pwm_control {
+    ($then:ident, [$($rest:ident)*] $($described:tt)*) => {
+        $crate::describe_board! {
+            @next $then, [$($rest)*] $($described)*
+            pwm_control: PwmControl, "iPWMControl", "duty cycles" {
+                numbers {
+                    /// The last commanded duty cycle.
+                    ReferenceDutyCycle: "ipwm" ["ref" "" "refs"] ["getRefDutyCycleOne" "" "getRefDutyCycleAll"]
+                        => (each reference_duty_cycles);
+                    /// Duty cycle of the motor.
+                    DutyCycle: "ipwm" ["pwm" "" "pwms"] ["getDutyCycleOne" "" "getDutyCycleAll"]
+                        => (by |control, axes| control.duty_cycles(axes));
+                }
+                settings {
+                    /// Give the motor this duty cycle.
+                    DutyCycle: "" ["" "" ""]
+                        ["setRefDutyCycleOne" "setRefDutyCycleGroup" "setRefDutyCycleAll"]
+                        => (each set_reference_duty_cycles "duty cycles");
+                }
+                actions {}
+                queries {}
+                commands {}
+            }
+        }
+    };
+}

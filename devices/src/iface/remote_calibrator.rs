@@ -30,3 +30,37 @@ pub trait RemoteCalibrator: AxisInfo {
     /// Ends parking: the joints stop (`quitPark`).
     fn quit_park(&self) -> Result<(), DeviceError>;
 }
+
+/// Describes the requests about calibration by a calibrator; the columns are explained in [`iface`](crate::iface).
+#[doc(hidden)]
+#[macro_export]
+macro_rules! describe_remote_calibrator {
+    ($then:ident, [$($rest:ident)*] $($described:tt)*) => {
+        $crate::describe_board! {
+            @next $then, [$($rest)*] $($described)*
+            remote_calibrator: RemoteCalibrator, "iRemoteCalibrator", "calibrator" {
+                numbers {}
+                settings {}
+                actions {
+                    /// Calibrate by the calibrator.
+                    Calibrate: "reca" ["cal" "" "cals"] ["calibrateSingleJoint" "" "calibrateWholePart"]
+                        => (axes calibrate "calibrate");
+                    /// Go home by the calibrator.
+                    Home: "reca" ["hom" "" "homs"] ["homingSingleJoint" "" "homingWholePart"] => (axes home "send home");
+                    /// Park by the calibrator.
+                    Park: "reca" ["par" "" "pars"] ["parkSingleJoint" "" "parkWholePart"] => (axes park "park");
+                    /// End a calibration by the calibrator.
+                    QuitCalibration: "reca" ["" "" "quca"] ["" "" "quitCalibrate"] => (board quit_calibration);
+                    /// End parking by the calibrator.
+                    QuitPark: "reca" ["" "" "qupa"] ["" "" "quitPark"] => (board quit_park);
+                }
+                queries {
+                    /// True if there is a calibrator.
+                    CalibratorPresent -> bool: "reca" ["" "" "isca"] ["" "" "isCalibratorDevicePresent"]
+                        => (board calibrator_present);
+                }
+                commands {}
+            }
+        }
+    };
+}

@@ -51,3 +51,28 @@ impl VariableValue {
         }
     }
 }
+
+/// Describes the requests about variables of the device; the columns are explained in [`iface`](crate::iface).
+#[doc(hidden)]
+#[macro_export]
+macro_rules! describe_remote_variables {
+    ($then:ident, [$($rest:ident)*] $($described:tt)*) => {
+        $crate::describe_board! {
+            @next $then, [$($rest)*] $($described)*
+            remote_variables: RemoteVariables, "iRemoteVariables", "variables" {
+                numbers {}
+                settings {}
+                actions {}
+                queries {
+                    /// The names of the variables.
+                    Variables -> Vec<String>: "ivar" ["" "" "lvar"] ["" "" "getRemoteVariablesList"] => (board variables);
+                }
+                commands {
+                    /// The value of a variable.
+                    Variable(name: String, value: Vec<VariableValue>): "ivar" ["" "" "mvar"] ["" "" "setRemoteVariable"]
+                        => (by |variables| variables.set_variable(name, value));
+                }
+            }
+        }
+    };
+}

@@ -112,3 +112,48 @@ impl MotorTorqueParameters {
         }
     }
 }
+
+/// Describes the requests about torques; the columns are explained in [`iface`](crate::iface).
+#[doc(hidden)]
+#[macro_export]
+macro_rules! describe_torque_control {
+    ($then:ident, [$($rest:ident)*] $($described:tt)*) => {
+        $crate::describe_board! {
+            @next $then, [$($rest)*] $($described)*
+            torque_control: TorqueControl, "iTorqueControl", "torque control" {
+                numbers {
+                    /// Measured torque.
+                    Torque: "torq" ["trq" "" "trqs"] ["" "" ""] => (by |torque, axes| torque.torques(axes));
+                    /// The last commanded torque.
+                    ReferenceTorque: "torq" ["ref" "" "refs"]
+                        ["getRefTorqueOne" "getRefTorqueGroup" "getRefTorqueAll"]
+                        => (each reference_torques);
+                }
+                settings {
+                    /// Push with this torque.
+                    Torque: "torq" ["ref" "" "refs"]
+                        ["setRefTorqueOne" "setRefTorqueGroup" "setRefTorqueAll"]
+                        => (each set_reference_torques "torques");
+                }
+                actions {}
+                queries {
+                    /// Smallest and largest torque.
+                    TorqueRange -> Vec<Limits>: "torq" ["rng" "" "rngs"] ["getTorqueRangeOne" "" "getTorqueRangeAll"]
+                        => (each torque_ranges);
+                    /// Motor parameters of the torque loop.
+                    MotorParameters -> MotorTorqueParameters: "torq" ["mtps" "" ""] ["getMotorTorqueParams" "" ""]
+                        => (axis motor_torque_parameters);
+                }
+                commands {
+                    /// Motor parameters of the torque loop.
+                    MotorParameters(axis: AxisIndex, sent: SentMotorParameters): "torq" ["mtps" "" ""]
+                        ["setMotorTorqueParams" "" ""]
+                        => (by |torque| {
+                            let parameters = sent.over(torque.motor_torque_parameters(*axis)?);
+                            torque.set_motor_torque_parameters(*axis, parameters)
+                        });
+                }
+            }
+        }
+    };
+}

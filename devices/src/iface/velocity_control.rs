@@ -26,3 +26,31 @@ pub trait VelocityControl: MotionControl {
     /// Errors: [`DeviceError::NoSuchAxis`].
     fn reference_velocities(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError>;
 }
+
+/// Describes the requests about moves at a given velocity; the columns are explained in [`iface`](crate::iface).
+#[doc(hidden)]
+#[macro_export]
+macro_rules! describe_velocity_control {
+    ($then:ident, [$($rest:ident)*] $($described:tt)*) => {
+        $crate::describe_board! {
+            @next $then, [$($rest)*] $($described)*
+            velocity_control: VelocityControl, "iVelocityControl", "velocity control" {
+                numbers {
+                    /// The last commanded velocity.
+                    ReferenceVelocity: "" ["vmo" "vmog" "vmos"]
+                        ["getTargetVelocityOne" "getTargetVelocityGroup" "getTargetVelocityAll"]
+                        => (each reference_velocities);
+                }
+                settings {
+                    /// Move at this velocity. Stock 3.x answers `[fail]` to the forms for one and for several joints.
+                    Velocity: "" ["" "" "vmos"]
+                        ["velocityMoveOne" "velocityMoveGroup" "velocityMoveAll"]
+                        => (each velocity_move "velocities");
+                }
+                actions {}
+                queries {}
+                commands {}
+            }
+        }
+    };
+}

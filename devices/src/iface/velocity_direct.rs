@@ -17,3 +17,31 @@ pub trait VelocityDirect: AxisInfo {
     /// Errors: [`DeviceError::NoSuchAxis`].
     fn direct_velocities(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError>;
 }
+
+/// Describes the requests about streamed velocities; the columns are explained in [`iface`](crate::iface).
+#[doc(hidden)]
+#[macro_export]
+macro_rules! describe_velocity_direct {
+    ($then:ident, [$($rest:ident)*] $($described:tt)*) => {
+        $crate::describe_board! {
+            @next $then, [$($rest)*] $($described)*
+            velocity_direct: VelocityDirect, "iVelocityDirect", "direct velocities" {
+                numbers {
+                    /// The velocity last sent step by step.
+                    DirectVelocity: "" ["" "" ""]
+                        ["getRefVelocityOne" "getRefVelocityGroup" "getRefVelocityAll"]
+                        => (each direct_velocities);
+                }
+                settings {
+                    /// Have this velocity now.
+                    DirectVelocity: "" ["" "" ""]
+                        ["setRefVelocityOne" "setRefVelocityGroup" "setRefVelocityAll"]
+                        => (each set_direct_velocities "velocities");
+                }
+                actions {}
+                queries {}
+                commands {}
+            }
+        }
+    };
+}

@@ -19,6 +19,9 @@
 //!
 //! Source: the behaviour of stock's `ControlBoardRemapper.cpp` of YARP 3.5.
 
+#[macro_use]
+mod remapped_interface;
+
 mod axis_mapping;
 mod fan_out;
 mod motion_interfaces;
@@ -28,12 +31,7 @@ mod remapped_variables;
 
 use std::sync::Arc;
 
-use crate::{
-    AmplifierControl, AxisIndex, AxisInfo, ControlCalibration, ControlLimits, ControlMode,
-    CurrentControl, Device, DeviceError, Encoders, ImpedanceControl, InteractionMode, JointBrake,
-    JointFault, Motor, MotorEncoders, PidControl, PositionControl, PositionDirect, PwmControl,
-    RemoteCalibrator, RemoteVariables, TorqueControl, VelocityControl, VelocityDirect,
-};
+use crate::{AxisIndex, AxisInfo, Device, DeviceError};
 
 use self::axis_mapping::{DeviceAxis, RemappedDevice};
 use self::fan_out::Interface;
@@ -171,46 +169,38 @@ impl Remapper {
     }
 }
 
-/// Each interface: the method of [`Device`], the name here, the trait, and its name in errors.
+/// Presents every interface that a device has, from the descriptions in `iface/`.
 macro_rules! interfaces {
-    ($($question:ident, $name:ident, $interface:ident, $words:literal;)*) => {
-        $(const $name: Interface = Interface {
-            words: $words,
-            has: |device| device.$question().is_some(),
-        };)*
-
+    ($($method:ident: $interface:ident, $wire:tt, $words:tt $description:tt)*) => {
         impl Device for Remapper {
-            fn axis_info(&self) -> Option<&dyn AxisInfo> {
-                Some(self)
-            }
+            $( interface! { $method $interface $wire } )*
+        }
 
-            $(fn $question(&self) -> Option<&dyn $interface> {
-                self.any_has($name).then_some(self as _)
-            })*
+        impl Interface {$(
+            #[allow(dead_code, reason = "what is written by hand uses some of them")]
+            const fn $method() -> Self {
+                Self {
+                    words: $words,
+                    has: |device| device.$method().is_some(),
+                }
+            }
+        )*}
+    };
+}
+
+/// An interface of the remapper; one without a name of its own is part of others.
+macro_rules! interface {
+    (axis_info AxisInfo $wire:tt) => {
+        fn axis_info(&self) -> Option<&dyn AxisInfo> {
+            Some(self)
+        }
+    };
+    ($method:ident $interface:ident "") => {};
+    ($method:ident $interface:ident $wire:tt) => {
+        fn $method(&self) -> Option<&dyn crate::$interface> {
+            self.any_has(Interface::$method()).then_some(self as _)
         }
     };
 }
 
-interfaces! {
-    position_control, POSITION, PositionControl, "position control";
-    velocity_control, VELOCITY, VelocityControl, "velocity control";
-    encoders, ENCODERS, Encoders, "encoders";
-    control_mode, MODES, ControlMode, "control modes";
-    control_limits, LIMITS, ControlLimits, "limits";
-    position_direct, POSITION_DIRECT, PositionDirect, "direct positions";
-    velocity_direct, VELOCITY_DIRECT, VelocityDirect, "direct velocities";
-    torque_control, TORQUE, TorqueControl, "torque control";
-    current_control, CURRENT, CurrentControl, "current control";
-    pwm_control, PWM, PwmControl, "duty cycles";
-    interaction_mode, INTERACTION, InteractionMode, "interaction modes";
-    impedance_control, IMPEDANCE, ImpedanceControl, "impedance";
-    pid_control, PIDS, PidControl, "control loops";
-    motor_encoders, MOTOR_ENCODERS, MotorEncoders, "motor encoders";
-    motor, MOTOR, Motor, "motors";
-    amplifier_control, AMPLIFIERS, AmplifierControl, "amplifiers";
-    control_calibration, CALIBRATION, ControlCalibration, "calibration";
-    remote_calibrator, CALIBRATOR, RemoteCalibrator, "a calibrator";
-    remote_variables, VARIABLES, RemoteVariables, "variables";
-    joint_fault, FAULTS, JointFault, "faults of joints";
-    joint_brake, BRAKES, JointBrake, "brakes";
-}
+crate::describe_board!(interfaces);

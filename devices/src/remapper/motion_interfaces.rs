@@ -1,10 +1,8 @@
 //! Axes, motion, encoders, modes and limits.
 
+use super::Remapper;
 use super::fan_out::{Interface, OnRefusal};
 use super::range_checks::{Quantity, are_rest};
-use super::{
-    ENCODERS, LIMITS, MODES, POSITION, POSITION_DIRECT, Remapper, VELOCITY, VELOCITY_DIRECT,
-};
 use crate::{
     Axes, AxisIndex, AxisInfo, ControlLimits, ControlMode, Device, DeviceError, EncoderReading,
     Encoders, JointType, Limits, Mode, MotionControl, PositionControl, PositionDirect,
@@ -73,7 +71,7 @@ impl MotionControl for Remapper {
 impl PositionControl for Remapper {
     fn position_move(&self, axes: Axes<'_>, targets: &[f64]) -> Outcome<()> {
         self.tell(
-            POSITION,
+            Interface::position_control(),
             axes,
             ("targets", targets),
             OnRefusal::StopThere,
@@ -87,7 +85,7 @@ impl PositionControl for Remapper {
 
     fn relative_move(&self, axes: Axes<'_>, distances: &[f64]) -> Outcome<()> {
         self.tell(
-            POSITION,
+            Interface::position_control(),
             axes,
             ("distances", distances),
             OnRefusal::StopThere,
@@ -102,7 +100,7 @@ impl PositionControl for Remapper {
 
     fn motion_done(&self, axes: Axes<'_>) -> Outcome<bool> {
         for share in self.shares(axes)? {
-            let done = self.group(POSITION, &share, |device, axes| {
+            let done = self.group(Interface::position_control(), &share, |device, axes| {
                 Some(device.position_control()?.motion_done(axes))
             })?;
             if !done {
@@ -113,14 +111,14 @@ impl PositionControl for Remapper {
     }
 
     fn target_positions(&self, axes: Axes<'_>) -> Outcome<Vec<f64>> {
-        self.ask(POSITION, axes, |device, axes| {
+        self.ask(Interface::position_control(), axes, |device, axes| {
             Some(device.position_control()?.target_positions(axes))
         })
     }
 
     fn set_reference_speeds(&self, axes: Axes<'_>, speeds: &[f64]) -> Outcome<()> {
         self.tell(
-            POSITION,
+            Interface::position_control(),
             axes,
             ("speeds", speeds),
             OnRefusal::StopThere,
@@ -139,7 +137,7 @@ impl PositionControl for Remapper {
     }
 
     fn reference_speeds(&self, axes: Axes<'_>) -> Outcome<Vec<f64>> {
-        self.ask(POSITION, axes, |device, axes| {
+        self.ask(Interface::position_control(), axes, |device, axes| {
             Some(device.position_control()?.reference_speeds(axes))
         })
     }
@@ -148,7 +146,7 @@ impl PositionControl for Remapper {
 impl VelocityControl for Remapper {
     fn velocity_move(&self, axes: Axes<'_>, velocities: &[f64]) -> Outcome<()> {
         self.tell(
-            VELOCITY,
+            Interface::velocity_control(),
             axes,
             ("velocities", velocities),
             OnRefusal::StopThere,
@@ -161,7 +159,7 @@ impl VelocityControl for Remapper {
     }
 
     fn reference_velocities(&self, axes: Axes<'_>) -> Outcome<Vec<f64>> {
-        self.ask(VELOCITY, axes, |device, axes| {
+        self.ask(Interface::velocity_control(), axes, |device, axes| {
             Some(device.velocity_control()?.reference_velocities(axes))
         })
     }
@@ -170,7 +168,7 @@ impl VelocityControl for Remapper {
 impl PositionDirect for Remapper {
     fn set_direct_positions(&self, axes: Axes<'_>, positions: &[f64]) -> Outcome<()> {
         self.tell(
-            POSITION_DIRECT,
+            Interface::position_direct(),
             axes,
             ("positions", positions),
             OnRefusal::StopThere,
@@ -185,7 +183,7 @@ impl PositionDirect for Remapper {
     }
 
     fn direct_positions(&self, axes: Axes<'_>) -> Outcome<Vec<f64>> {
-        self.ask(POSITION_DIRECT, axes, |device, axes| {
+        self.ask(Interface::position_direct(), axes, |device, axes| {
             Some(device.position_direct()?.direct_positions(axes))
         })
     }
@@ -194,7 +192,7 @@ impl PositionDirect for Remapper {
 impl VelocityDirect for Remapper {
     fn set_direct_velocities(&self, axes: Axes<'_>, velocities: &[f64]) -> Outcome<()> {
         self.tell(
-            VELOCITY_DIRECT,
+            Interface::velocity_direct(),
             axes,
             ("velocities", velocities),
             OnRefusal::StopThere,
@@ -213,7 +211,7 @@ impl VelocityDirect for Remapper {
     }
 
     fn direct_velocities(&self, axes: Axes<'_>) -> Outcome<Vec<f64>> {
-        self.ask(VELOCITY_DIRECT, axes, |device, axes| {
+        self.ask(Interface::velocity_direct(), axes, |device, axes| {
             Some(device.velocity_direct()?.direct_velocities(axes))
         })
     }
@@ -221,14 +219,14 @@ impl VelocityDirect for Remapper {
 
 impl Encoders for Remapper {
     fn read_encoders(&self, axes: Axes<'_>, out: &mut [EncoderReading]) -> Outcome<()> {
-        self.fill(ENCODERS, axes, out, |device, axes, out| {
+        self.fill(Interface::encoders(), axes, out, |device, axes, out| {
             Some(device.encoders()?.read_encoders(axes, out))
         })
     }
 
     fn set_encoders(&self, axes: Axes<'_>, positions: &[f64]) -> Outcome<()> {
         self.tell(
-            ENCODERS,
+            Interface::encoders(),
             axes,
             ("positions", positions),
             OnRefusal::StopThere,
@@ -238,21 +236,24 @@ impl Encoders for Remapper {
     }
 
     fn reset_encoders(&self, axes: Axes<'_>) -> Outcome<()> {
-        self.order(ENCODERS, axes, OnRefusal::StopThere, |device, axes| {
-            Some(device.encoders()?.reset_encoders(axes))
-        })
+        self.order(
+            Interface::encoders(),
+            axes,
+            OnRefusal::StopThere,
+            |device, axes| Some(device.encoders()?.reset_encoders(axes)),
+        )
     }
 }
 
 impl ControlMode for Remapper {
     fn available_control_modes(&self, axis: AxisIndex) -> Outcome<Vec<Mode>> {
-        self.one(MODES, axis, |device, axis| {
+        self.one(Interface::control_mode(), axis, |device, axis| {
             Some(device.control_mode()?.available_control_modes(axis))
         })
     }
 
     fn read_control_modes(&self, axes: Axes<'_>, out: &mut [Mode]) -> Outcome<()> {
-        self.fill(MODES, axes, out, |device, axes, out| {
+        self.fill(Interface::control_mode(), axes, out, |device, axes, out| {
             Some(device.control_mode()?.read_control_modes(axes, out))
         })
     }
@@ -263,7 +264,7 @@ impl ControlMode for Remapper {
             false => OnRefusal::StopThere,
         };
         self.tell(
-            MODES,
+            Interface::control_mode(),
             axes,
             ("modes", modes),
             others,
@@ -275,13 +276,13 @@ impl ControlMode for Remapper {
 
 impl ControlLimits for Remapper {
     fn position_limits(&self, axis: AxisIndex) -> Outcome<Limits> {
-        self.one(LIMITS, axis, |device, axis| {
+        self.one(Interface::control_limits(), axis, |device, axis| {
             Some(device.control_limits()?.position_limits(axis))
         })
     }
 
     fn set_position_limits(&self, axis: AxisIndex, limits: Limits) -> Outcome<()> {
-        let set = self.one(LIMITS, axis, |device, axis| {
+        let set = self.one(Interface::control_limits(), axis, |device, axis| {
             Some(device.control_limits()?.set_position_limits(axis, limits))
         });
         self.known.forget();
@@ -289,13 +290,13 @@ impl ControlLimits for Remapper {
     }
 
     fn velocity_limits(&self, axis: AxisIndex) -> Outcome<Limits> {
-        self.one(LIMITS, axis, |device, axis| {
+        self.one(Interface::control_limits(), axis, |device, axis| {
             Some(device.control_limits()?.velocity_limits(axis))
         })
     }
 
     fn set_velocity_limits(&self, axis: AxisIndex, limits: Limits) -> Outcome<()> {
-        let set = self.one(LIMITS, axis, |device, axis| {
+        let set = self.one(Interface::control_limits(), axis, |device, axis| {
             Some(device.control_limits()?.set_velocity_limits(axis, limits))
         });
         self.known.forget();

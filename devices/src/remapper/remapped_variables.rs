@@ -3,8 +3,9 @@
 //! `DEVICE::NAME` is a variable of one device. A variable that every device has with one value for each of its joints has
 //! its bare name too, with one value for each joint here.
 
+use super::Remapper;
 use super::axis_mapping::{DeviceShare, RemappedDevice};
-use super::{Remapper, VARIABLES};
+use super::fan_out::Interface;
 use crate::{Axes, AxisInfo, DeviceError, RemoteVariables, VariableValue};
 
 type Outcome<T> = Result<T, DeviceError>;
@@ -74,7 +75,7 @@ impl RemoteVariables for Remapper {
             (share, values)
         });
         self.all_of(
-            VARIABLES,
+            Interface::remote_variables(),
             super::fan_out::OnRefusal::StopThere,
             told.collect(),
             |device, _, values| Some(device.remote_variables()?.set_variable(name, values)),

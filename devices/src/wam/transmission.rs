@@ -34,6 +34,14 @@ impl<const N: usize> Transmission<N> {
         })
     }
 
+    /// A transmission from the numbers of its matrix, a row per motor; `None` if there are not `N * N`, or if some joint
+    /// turns no motor of its own.
+    pub fn from_rows(rows: &[f64], counts_per_turn: u32) -> Option<Self> {
+        (rows.len() == N * N)
+            .then(|| SMatrix::from_fn(|motor, joint| rows[motor * N + joint]))
+            .and_then(|matrix| Self::new(matrix, counts_per_turn))
+    }
+
     /// The same transmission with other encoders, see [`MAGNETIC_COUNTS`] and [`OPTICAL_COUNTS`].
     pub fn with_counts_per_turn(self, counts_per_turn: u32) -> Self {
         Self {

@@ -54,10 +54,10 @@ pub use camera::{Camera, Lens};
 pub use dataset::{Dataset, DatasetOptions, write_models, write_shot};
 pub use lighting::{Effects, Lamp, Lighting};
 #[cfg(unix)]
-pub use live::{DEPTH_FROM, DEPTH_STEP, LiveOptions, LiveTable, TableCamera};
+pub use live::{DEPTH_FROM, DEPTH_STEP, LiveOptions, LiveTable, TableCamera, TableStatistics};
 pub use object::{BOARD_THICKNESS, Class, Finish, Object, Shape};
 pub use output::{OutputError, write_gray, write_image};
-pub use physics::{Contact, Other, Physics, Reaction, RobotState, STEP};
+pub use physics::{Contact, Other, PathCheck, Physics, Reaction, RobotState, STEP, Solid};
 pub use placement::{NoRoom, Placement};
 pub use random::Random;
 pub use render::{Depth, DepthNoise, Renderer, Shot};

@@ -17,10 +17,10 @@ use yarp_devices::{
     Intrinsics, RgbVisualParams, offers,
 };
 
-use crate::physics::{Physics, RobotState, STEP};
-use crate::robot::{HandPosture, RobotPosture};
+use crate::physics::{Contact, Other, Physics, RobotState, STEP};
+use crate::robot::{HandPosture, PALM, RobotPosture};
 use crate::simulation::arm_model;
-use crate::{Camera, DepthNoise, Effects, Lens, Renderer, Scene};
+use crate::{Camera, DepthNoise, Effects, Lens, Pose, Renderer, Scene};
 
 /// A camera that nobody has asked for this long renders nothing.
 const UNWATCHED: Duration = Duration::from_secs(2);
@@ -41,6 +41,8 @@ pub struct LiveOptions {
     pub effects: Effects,
     /// Seed of friction and noise.
     pub seed: u64,
+    /// The camera; `None` for [`Scene::camera`].
+    pub camera: Option<Camera>,
 }
 
 impl Default for LiveOptions {
@@ -50,8 +52,18 @@ impl Default for LiveOptions {
             rate: 5.0,
             effects: Effects::default(),
             seed: 0,
+            camera: None,
         }
     }
+}
+
+/// What happened on a table since it started: the truth, for judging what a client did.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TableStatistics {
+    /// Time that passed on the table.
+    pub simulated: Duration,
+    /// Times that the robot touched table or baskets, or arm or palm touched an object; each counts until it is over.
+    pub collisions: u64,
 }
 
 /// A table whose arm, hand and cameras are devices; dropping it ends their threads.
@@ -62,6 +74,7 @@ pub struct LiveTable {
     camera: Arc<TableCamera>,
     depth: Arc<TableCamera>,
     scene: Arc<Mutex<Scene>>,
+    statistics: Arc<Mutex<TableStatistics>>,
     // Last, so that the hand at this end of the line is gone before.
     _line: Arc<SimulatedHand>,
 }
@@ -91,25 +104,32 @@ impl LiveTable {
         hand.initialise()?;
         let physics = Physics::new(&scene);
         let scene = Arc::new(Mutex::new(scene));
+        let statistics = Arc::new(Mutex::new(TableStatistics::default()));
         let world = World {
+            statistics: Arc::clone(&statistics),
+            touching: false,
             physics,
             scene: Arc::clone(&scene),
             hand: Arc::clone(&line),
             loads: [Load::default(); 3],
         };
         let arm = start_arm(world, simulator, options.speed)?;
-        let camera = TableCamera::start(&scene, Kind::Colour(options.effects), options.rate)?;
+        let overhead = options.camera.unwrap_or_else(|| lock(&scene).camera());
+        let beside = lock(&scene).depth_camera();
+        let kind = Kind::Colour(options.effects);
+        let camera = TableCamera::start(&scene, overhead, kind, options.rate)?;
         let noise = DepthNoise {
             seed: options.seed,
             ..DepthNoise::default()
         };
-        let depth = TableCamera::start(&scene, Kind::Depth(noise), options.rate)?;
+        let depth = TableCamera::start(&scene, beside, Kind::Depth(noise), options.rate)?;
         Ok(Self {
             arm: Arc::new(arm),
             hand,
             camera: Arc::new(camera),
             depth: Arc::new(depth),
             scene,
+            statistics,
             _line: line,
         })
     }
@@ -133,6 +153,16 @@ impl LiveTable {
     /// for no measurement.
     pub fn depth(&self) -> Arc<TableCamera> {
         Arc::clone(&self.depth)
+    }
+
+    /// Returns what happened so far.
+    pub fn statistics(&self) -> TableStatistics {
+        *lock(&self.statistics)
+    }
+
+    /// Returns the scene, shared, for code that outlives the borrow of the table.
+    pub fn shared_scene(&self) -> Arc<Mutex<Scene>> {
+        Arc::clone(&self.scene)
     }
 
     /// Returns the scene as it is now: the truth, for judging what a client did.
@@ -163,6 +193,23 @@ struct World {
     scene: Arc<Mutex<Scene>>,
     hand: Arc<SimulatedHand>,
     loads: [Load; 3],
+    statistics: Arc<Mutex<TableStatistics>>,
+    /// Whether the robot touched something in the last step.
+    touching: bool,
+}
+
+impl World {
+    fn count(&mut self) {
+        let touches = |contact: &Contact| match contact.other {
+            Other::Table | Other::Basket => true,
+            Other::Object(_) => contact.part <= PALM,
+        };
+        let touching = self.physics.contacts().iter().any(touches);
+        let mut statistics = lock(&self.statistics);
+        statistics.simulated += STEP;
+        statistics.collisions += u64::from(touching && !self.touching);
+        self.touching = touching;
+    }
 }
 
 fn start_arm(
@@ -178,6 +225,7 @@ fn start_arm(
         };
         let reaction = world.physics.step(&mut lock(&world.scene), &state);
         world.loads = reaction.loads;
+        world.count();
         Some(reaction.torques)
     })
 }
@@ -207,6 +255,8 @@ struct Shared {
     /// When it was asked last, ms since it started; 0 is never.
     asked: AtomicU64,
     started: Instant,
+    pose: Mutex<Pose>,
+    covered: AtomicBool,
 }
 
 impl Shared {
@@ -218,16 +268,19 @@ impl Shared {
 }
 
 impl TableCamera {
-    fn start(scene: &Arc<Mutex<Scene>>, kind: Kind, rate: f64) -> Result<Self, DeviceError> {
-        let camera = match kind {
-            Kind::Colour(_) => lock(scene).camera(),
-            Kind::Depth(_) => lock(scene).depth_camera(),
-        };
+    fn start(
+        scene: &Arc<Mutex<Scene>>,
+        camera: Camera,
+        kind: Kind,
+        rate: f64,
+    ) -> Result<Self, DeviceError> {
         let shared = Arc::new(Shared {
             frames: LatestValue::new(),
             ending: AtomicBool::new(false),
             asked: AtomicU64::new(0),
             started: Instant::now(),
+            pose: Mutex::new(camera.pose),
+            covered: AtomicBool::new(false),
         });
         let (theirs, scene) = (Arc::clone(&shared), Arc::clone(scene));
         let thread = thread::Builder::new()
@@ -236,7 +289,7 @@ impl TableCamera {
                 run(
                     &theirs,
                     &scene,
-                    &camera,
+                    camera.lens,
                     kind,
                     Duration::from_secs_f64(1.0 / rate),
                 )
@@ -251,6 +304,16 @@ impl TableCamera {
             lens: camera.lens,
             rate,
         })
+    }
+
+    /// Moves the camera, as somebody who bumps into its stand does; the next image shows it.
+    pub fn set_pose(&self, pose: Pose) {
+        *lock(&self.shared.pose) = pose;
+    }
+
+    /// Puts a cover onto the lens, or takes it off; a depth sensor is not covered.
+    pub fn set_covered(&self, covered: bool) {
+        self.shared.covered.store(covered, Ordering::Release);
     }
 
     fn newest(&self) -> Result<Frame, DeviceError> {
@@ -279,7 +342,7 @@ impl Drop for TableCamera {
     }
 }
 
-fn run(shared: &Shared, scene: &Mutex<Scene>, camera: &Camera, kind: Kind, period: Duration) {
+fn run(shared: &Shared, scene: &Mutex<Scene>, lens: Lens, kind: Kind, period: Duration) {
     let renderer = Renderer::new();
     let mut taken = 0;
     let mut due = Instant::now();
@@ -297,7 +360,10 @@ fn run(shared: &Shared, scene: &Mutex<Scene>, camera: &Camera, kind: Kind, perio
         due = (due + period).max(now);
         let time = wall_clock();
         let scene = lock(scene).clone();
+        let pose = *lock(&shared.pose);
+        let camera = &Camera { lens, pose };
         let image = match kind {
+            Kind::Colour(_) if shared.covered.load(Ordering::Acquire) => dark(&lens),
             Kind::Colour(effects) => {
                 let seed = effects.seed.wrapping_add(taken);
                 renderer
@@ -318,6 +384,13 @@ fn run(shared: &Shared, scene: &Mutex<Scene>, camera: &Camera, kind: Kind, perio
             taken += 1;
         }
     }
+}
+
+/// Returns what a sensor behind a cover delivers.
+fn dark(lens: &Lens) -> Image {
+    let values = vec![0; lens.width * lens.height * 3];
+    Image::new(PixelFormat::Rgb, lens.width, lens.height, values)
+        .expect("an image has three values per pixel")
 }
 
 /// Depth as grey values.

@@ -6,22 +6,42 @@ use std::sync::Arc;
 use yarp_devices::embedded::{
     ARM_PORT, DriverOptions, EmbeddedWam, LinkAddresses, LinkMode, PACKET_PORT,
 };
-use yarp_devices::wam::can::{CanOptions, CanWam};
+use yarp_devices::simulation::SimulatorOptions;
+use yarp_devices::wam::can::CanWam;
 use yarp_devices::wam::{DynamicWam, SimulatedWam};
+use yarp_devices::{Device, DeviceError};
 use yarp_wire::settings::Parameters;
 
 use super::local_device::{self, LocalDevice};
 use super::{OpenResult, Opening};
-use crate::HostError;
+use crate::{ArmConfiguration, HostError};
 
-pub(super) async fn ideal(_opening: Opening<'_>) -> OpenResult {
-    Ok(Box::new(LocalDevice::machine(
-        Arc::new(SimulatedWam::new()),
-    )))
+pub(super) async fn ideal(opening: Opening<'_>) -> OpenResult {
+    let configuration = ArmConfiguration::from_parameters(opening.parameters, None)?;
+    open(opening, configuration, false, |_| Ok(SimulatedWam::new())).await
 }
 
 pub(super) async fn dynamic(opening: Opening<'_>) -> OpenResult {
-    let arm = local_device::start(opening.parameters, DynamicWam::start).await?;
+    let configuration = ArmConfiguration::from_parameters(opening.parameters, None)?;
+    open(opening, configuration, true, |configuration| {
+        DynamicWam::start_with(configuration.model.clone(), SimulatorOptions::default())
+    })
+    .await
+}
+
+/// Starts an arm, with guards in front of it by default or not.
+async fn open<D: Device + 'static>(
+    opening: Opening<'_>,
+    configuration: ArmConfiguration,
+    guarded: bool,
+    start: impl FnOnce(&ArmConfiguration) -> Result<D, DeviceError> + Send + 'static,
+) -> OpenResult {
+    let arm = local_device::start_shared(opening.parameters, move || {
+        let arm = Arc::new(start(&configuration)?);
+        configuration.narrow(arm.as_ref())?;
+        configuration.guard(arm, guarded)
+    })
+    .await?;
     Ok(Box::new(LocalDevice::machine(arm)))
 }
 
@@ -30,16 +50,25 @@ pub(super) async fn dynamic(opening: Opening<'_>) -> OpenResult {
 pub(super) async fn embedded(opening: Opening<'_>) -> OpenResult {
     let parameters = opening.parameters;
     let options = DriverOptions::new(link_mode(parameters)?);
-    let arm = local_device::start(parameters, move || EmbeddedWam::start(options)).await?;
-    Ok(Box::new(LocalDevice::machine(arm)))
+    let configuration = ArmConfiguration::from_parameters(parameters, None)?;
+    open(opening, configuration, true, move |_| {
+        EmbeddedWam::start(options)
+    })
+    .await
 }
 
 pub(super) async fn on_can_bus(opening: Opening<'_>) -> OpenResult {
     let parameters = opening.parameters;
     let interface: String = parameters.need("interface")?;
-    let start = move || CanWam::on_interface(&interface, CanOptions::default());
-    let arm = local_device::start(parameters, start).await?;
-    Ok(Box::new(LocalDevice::machine(arm)))
+    let configuration = ArmConfiguration::from_parameters(parameters, Some(&interface))?;
+    open(opening, configuration, true, move |configuration| {
+        CanWam::on_interface_with(
+            configuration.model.clone(),
+            &interface,
+            configuration.can.clone(),
+        )
+    })
+    .await
 }
 
 fn link_mode(parameters: &Parameters) -> Result<LinkMode, HostError> {

@@ -3,7 +3,10 @@
 use std::time::Duration;
 
 use yarp_wire::settings::{Origin, ParameterError, Parameters};
-use yarp_wrappers::{CartesianServer, ControlBoardServer, FrameGrabberServer, OpenError};
+use yarp_wrappers::{
+    AnalogSensorServer, AnalogSensorsServer, CartesianServer, ControlBoardServer,
+    FrameGrabberServer, OpenError,
+};
 
 use crate::HostError;
 
@@ -14,6 +17,18 @@ pub(super) trait Server {
 }
 
 impl Server for ControlBoardServer {
+    fn close(self) -> impl Future<Output = ()> + Send {
+        Self::close(self)
+    }
+}
+
+impl Server for AnalogSensorServer {
+    fn close(self) -> impl Future<Output = ()> + Send {
+        Self::close(self)
+    }
+}
+
+impl Server for AnalogSensorsServer {
     fn close(self) -> impl Future<Output = ()> + Send {
         Self::close(self)
     }

@@ -1,7 +1,10 @@
 //! The BarrettHand on a serial port, as a board of four axes.
 
+use std::sync::Arc;
+
+use yarp_devices::guard::{Guarded, GuardedOptions, RateLimits};
 use yarp_devices::hand::{BarrettHand, HandBoard, HandOptions};
-use yarp_devices::{DeviceError, Hand};
+use yarp_devices::{Device, DeviceError, Hand};
 
 use super::local_device::{self, LocalDevice};
 use super::{OpenResult, Opening};
@@ -16,13 +19,24 @@ pub(super) async fn open(opening: Opening<'_>) -> OpenResult {
     let baud = parameters.get_or("baud", DEFAULT_BAUD)?;
     let baud = u32::try_from(baud)
         .map_err(|_| parameters.refuse("baud", "the speed of the line, bits per second"))?;
-    let start = move || -> Result<HandBoard, DeviceError> {
+    let start = move || -> Result<Arc<dyn Device>, DeviceError> {
         let options = HandOptions::new(&path).baud(baud);
         let hand = BarrettHand::open(options).map_err(|error| error.at(&path))?;
         let board = HandBoard::start(hand)?;
         board.initialise()?;
-        Ok(board)
+        guarded(board)
     };
-    let board = local_device::start(parameters, start).await?;
+    let board = local_device::start_shared(parameters, start).await?;
     Ok(Box::new(LocalDevice::machine(board)))
+}
+
+/// Puts guards in front of a hand: its limits, and an end of velocities without a new command.
+///
+/// Errors: those of [`Guarded::around`].
+fn guarded(board: HandBoard) -> Result<Arc<dyn Device>, DeviceError> {
+    let options = GuardedOptions {
+        rate_limits: RateLimits::default(),
+        ..GuardedOptions::of_device(&board)?
+    };
+    Ok(Arc::new(Guarded::around(Arc::new(board), options)?))
 }

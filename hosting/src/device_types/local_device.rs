@@ -12,15 +12,29 @@ pub(super) async fn start<D: Device + 'static>(
     parameters: &Parameters,
     start: impl FnOnce() -> Result<D, DeviceError> + Send + 'static,
 ) -> Result<Arc<D>, HostError> {
+    run(parameters, start).await.map(Arc::new)
+}
+
+/// Starts a device that is shared already, on a thread that may block.
+pub(super) async fn start_shared(
+    parameters: &Parameters,
+    start: impl FnOnce() -> Result<Arc<dyn Device>, DeviceError> + Send + 'static,
+) -> Result<Arc<dyn Device>, HostError> {
+    run(parameters, start).await
+}
+
+async fn run<T: Send + 'static>(
+    parameters: &Parameters,
+    start: impl FnOnce() -> Result<T, DeviceError> + Send + 'static,
+) -> Result<T, HostError> {
     let started = tokio::task::spawn_blocking(start).await;
     let started =
         started.unwrap_or_else(|panicked| std::panic::resume_unwind(panicked.into_panic()));
-    let device = started.map_err(|source| HostError::Device {
+    started.map_err(|source| HostError::Device {
         origin: parameters.origin().clone(),
         device: parameters.device().to_owned(),
         source: Box::new(source),
-    })?;
-    Ok(Arc::new(device))
+    })
 }
 
 /// A device with its parts.
@@ -52,6 +66,45 @@ impl LocalDevice {
             device,
             parts: Parts {
                 camera,
+                ..Parts::default()
+            },
+            parks: false,
+        }
+    }
+
+    /// Creates a device of any other kind.
+    pub(super) fn other(device: Arc<dyn Device>) -> Self {
+        let other = Some(device.clone());
+        Self {
+            device,
+            parts: Parts {
+                other,
+                ..Parts::default()
+            },
+            parks: false,
+        }
+    }
+
+    /// Creates sensors of several kinds.
+    pub(super) fn sensors(device: Arc<dyn Device>) -> Self {
+        let sensors = Some(device.clone());
+        Self {
+            device,
+            parts: Parts {
+                sensors,
+                ..Parts::default()
+            },
+            parks: false,
+        }
+    }
+
+    /// Creates a sensor of several channels.
+    pub(super) fn channels(device: Arc<dyn Device>) -> Self {
+        let channels = Some(device.clone());
+        Self {
+            device,
+            parts: Parts {
+                channels,
                 ..Parts::default()
             },
             parks: false,

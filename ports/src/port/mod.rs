@@ -59,7 +59,7 @@ use smallvec::SmallVec;
 use tokio::task::JoinHandle;
 use yarp_wire::message::{Command, Payload, ReadObject, WireObject};
 use yarp_wire::name_service::RegisterRequest;
-use yarp_wire::{Contact, PortName, Stamp};
+use yarp_wire::{Contact, PortName, Stamp, WireVersion};
 
 use self::core::Core;
 use self::encode_once::{Encoded, Form};
@@ -83,6 +83,16 @@ pub use port_options::{
 pub use receive_queue::Queue;
 pub use received_message::{Answer, Received, Reply};
 pub use reconnecting::{ConnectionState, ReconnectOptions, ReconnectingConnection};
+
+/// A reader of a port, for [`Port::try_write_to`].
+#[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
+pub struct Reader<'a> {
+    /// Its name.
+    pub name: &'a str,
+    /// The wire version that it reads.
+    pub wire_version: WireVersion,
+}
 
 /// An open port.
 ///
@@ -384,6 +394,19 @@ impl Port {
         envelope: Option<Envelope>,
         backlog: usize,
     ) -> usize {
+        self.try_write_to(message, envelope, backlog, |_| true)
+    }
+
+    /// Sends like [`try_write`](Self::try_write), to the selected readers alone.
+    ///
+    /// For messages whose layout depends on the reader.
+    pub fn try_write_to(
+        &self,
+        message: &impl WireObject,
+        envelope: Option<Envelope>,
+        backlog: usize,
+        select: impl Fn(&Reader<'_>) -> bool,
+    ) -> usize {
         let Some((message, _)) = self.outgoing(message) else {
             return 0;
         };
@@ -391,6 +414,13 @@ impl Port {
         let mut encoded = Encoded::of(&command);
         let mut taken = 0;
         self.core.for_each_sender(|output| {
+            let reader = Reader {
+                name: &output.to,
+                wire_version: output.wire_version,
+            };
+            if !select(&reader) {
+                return;
+            }
             if output.send_queue.is_behind(backlog) {
                 output.send_queue.count_dropped();
             } else {

@@ -1,6 +1,7 @@
 //! One outgoing connection.
 
 mod datagram_output;
+mod refusal_reason;
 mod stream_output;
 
 use std::io;
@@ -141,7 +142,17 @@ impl Output {
             Ok((transport, initiator))
         };
         let deadline = target.network.timeout();
-        let (transport, initiator) = within(deadline, name, "connection header", opening).await?;
+        let opened = within(deadline, name, "connection header", opening).await;
+        let (transport, initiator) = match opened {
+            Err(PortError::Declined { peer, carrier, .. }) => {
+                return Err(PortError::Declined {
+                    reason: refusal_reason::refusal_reason(target).await,
+                    peer,
+                    carrier,
+                });
+            }
+            opened => opened?,
+        };
         let carrier = target.spec.to_string();
         let mut output = Self::start(name, carrier, transport, initiator, cancelled, None);
         output.group = target.group.cloned();
@@ -296,6 +307,7 @@ impl Target<'_> {
         PortError::Declined {
             peer: self.to.name.clone(),
             carrier: self.spec.to_string(),
+            reason: None,
         }
     }
 

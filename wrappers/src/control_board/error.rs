@@ -14,10 +14,12 @@ use super::messages::ProtocolVersion;
 #[non_exhaustive]
 pub enum OpenError {
     /// Another process has a port of this name already, and it answers.
-    #[error("there is a port {name} already; choose another name, or end its program")]
+    #[error("there is a port {name} already: {owner}; choose another name, or end its program")]
     NameTaken {
         /// The port.
         name: String,
+        /// Address and process of its owner.
+        owner: String,
     },
     /// A port of our own could not be opened.
     #[error("cannot open port {name}")]

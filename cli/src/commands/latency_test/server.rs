@@ -42,6 +42,7 @@ pub(super) async fn serve(options: &Options, out: &mut dyn Write) -> Result<Exit
         )?;
         out.flush()?;
         let test = test(&port, &mut requests, options, out);
+        crate::systemd_notify::notify_ready();
         let end = tokio::select! {
             biased;
             () = interrupt.interrupted() => Ok(End::Interrupted),

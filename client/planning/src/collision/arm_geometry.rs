@@ -1,6 +1,8 @@
 //! The arm as spheres.
 
 use nalgebra::Point3;
+use yarp_devices::hand::gcl::Finger;
+use yarp_devices::hand::{FingerJoints, finger_kinematics};
 use yarp_devices::kinematics::{Chain, Joints};
 
 /// A sphere that is fixed to a link of the arm.
@@ -48,6 +50,17 @@ const PALM: [Capsule; 2] = [
     Capsule(7, [0.0, 0.022, 0.030], [0.0, 0.022, 0.045], 0.042),
 ];
 
+/// Links of a finger in their own frames (lengths from the hand's table of Denavit and Hartenberg, radii rounded up): the
+/// link that spreads, the inner and the outer one.
+const FINGER: [Capsule; 3] = [
+    Capsule(0, [0.005, 0.0, -0.012], [0.045, 0.0, 0.0], 0.0125),
+    Capsule(1, [0.0, 0.0, 0.0], [0.070, 0.0, 0.0], 0.011),
+    Capsule(2, [0.0, 0.0, 0.0], [0.050, 0.0, 0.0], 0.0095),
+];
+
+/// Largest ratio of the distance between two spheres of a finger to its radius: thin links would have too many.
+const FINGER_SPACING: f64 = 0.9;
+
 /// Largest ratio of the distance between two spheres of a capsule to its radius; a covering sphere is
 /// `sqrt(1 + (ratio / 2)^2)` times as large as the capsule.
 const SPACING: f64 = 0.9;
@@ -67,6 +80,19 @@ impl ArmGeometry {
     pub fn wam_with_palm() -> Self {
         let mut geometry = Self::wam();
         geometry.extend(&PALM);
+        geometry
+    }
+
+    /// Returns the WAM with a BarrettHand whose fingers F1, F2 and F3 are posed like this.
+    pub fn wam_with_hand(fingers: &[FingerJoints; 3]) -> Self {
+        let mut geometry = Self::wam_with_palm();
+        for (finger, joints) in Finger::ALL.into_iter().zip(fingers) {
+            let frames = finger_kinematics::link_frames(finger, joints);
+            for Capsule(link, from, to, radius) in &FINGER {
+                let place = |point: &[f64; 3]| frames[*link] * Point3::from(*point);
+                geometry.cover_spaced(7, place(from), place(to), *radius, FINGER_SPACING);
+            }
+        }
         geometry
     }
 
@@ -100,8 +126,19 @@ impl ArmGeometry {
     }
 
     fn cover(&mut self, link: usize, from: Point3<f64>, to: Point3<f64>, radius: f64) {
+        self.cover_spaced(link, from, to, radius, SPACING);
+    }
+
+    fn cover_spaced(
+        &mut self,
+        link: usize,
+        from: Point3<f64>,
+        to: Point3<f64>,
+        radius: f64,
+        spacing: f64,
+    ) {
         let axis = to - from;
-        let intervals = (axis.norm() / (SPACING * radius)).ceil().max(1.0);
+        let intervals = (axis.norm() / (spacing * radius)).ceil().max(1.0);
         let step = axis / intervals;
         let radius = radius.hypot(step.norm() / 2.0);
         let count = if axis.norm() == 0.0 {

@@ -3,6 +3,7 @@
 use yarp_devices::kinematics::Joints;
 
 use super::CollisionModel;
+use super::model::Travels;
 
 /// Smallest part of a motion that a check advances by.
 ///
@@ -19,19 +20,12 @@ impl CollisionModel {
         if !self.chain.contains(from) || !self.chain.contains(to) {
             return false;
         }
-        let travel = self.travel(from, to);
-        if travel == 0.0 {
+        let travels = self.travels(from, to);
+        if travels.iter().all(|travel| *travel == 0.0) {
             return self.is_free(from);
         }
         // The end is often close to something, and the bisection would come to it last.
-        self.is_free(to) && self.interval_is_free(from, to, travel, 0.0, 1.0)
-    }
-
-    /// Returns an upper bound of the distance that any sphere of the arm moves between two postures, in metres.
-    pub(crate) fn travel(&self, from: &Joints<7>, to: &Joints<7>) -> f64 {
-        let motion = (to - from).abs();
-        let moved = self.reaches.iter().map(|reach| reach.dot(&motion));
-        moved.fold(0.0, f64::max)
+        self.is_free(to) && self.interval_is_free(from, to, &travels, 0.0, 1.0)
     }
 
     /// Bisects the motion until each part is proven free by the clearance at its middle.
@@ -39,27 +33,24 @@ impl CollisionModel {
         &self,
         from: &Joints<7>,
         to: &Joints<7>,
-        travel: f64,
+        travels: &Travels,
         begin: f64,
         end: f64,
     ) -> bool {
         let middle = (begin + end) / 2.0;
         let half = (end - begin) / 2.0;
         // Joints below both of two links move them as one, so two spheres approach each other no faster than one can move.
-        let needed = travel * half;
-        let clearance = self.clearance_below(&from.lerp(to, middle), needed);
-        if clearance >= needed {
-            return true;
-        }
-        if clearance < 0.0 {
+        let free = self.free_fraction(&from.lerp(to, middle), travels, half);
+        if free < 0.0 {
             return false;
         }
+        let fastest = travels.iter().copied().fold(0.0, f64::max);
         // What is already proven around the middle.
-        let proven = (clearance / travel).max(MIN_TRAVEL / 2.0 / travel);
+        let proven = free.max(MIN_TRAVEL / 2.0 / fastest);
         if proven >= half {
             return true;
         }
-        self.interval_is_free(from, to, travel, begin, middle - proven)
-            && self.interval_is_free(from, to, travel, middle + proven, end)
+        self.interval_is_free(from, to, travels, begin, middle - proven)
+            && self.interval_is_free(from, to, travels, middle + proven, end)
     }
 }

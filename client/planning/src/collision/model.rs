@@ -1,9 +1,10 @@
 //! The clearance of a posture.
 
 use nalgebra::Point3;
+use smallvec::SmallVec;
 use yarp_devices::kinematics::{Chain, Joints, Pose};
 
-use super::arm_geometry::{ArmGeometry, reaches};
+use super::arm_geometry::{ArmGeometry, LinkSphere, reaches};
 use crate::scene::Scene;
 
 /// Distance that a planned motion keeps from every obstacle, in metres.
@@ -57,12 +58,63 @@ pub struct CollisionModel {
     geometry: ArmGeometry,
     scene: Scene,
     margin: f64,
-    /// Pairs of spheres of links that can collide.
-    pairs: Vec<(u16, u16)>,
+    /// Spheres of one link each, in the order of the geometry's spheres in `sorted`.
+    groups: Vec<Group>,
+    /// Indices of the spheres, those of a group side by side.
+    sorted: Vec<u16>,
+    /// Pairs of groups of links that can collide.
+    pairs: Vec<(u8, u8)>,
     /// See [`reaches`].
     pub(super) reaches: Vec<Joints<7>>,
     /// Bounding radius of each obstacle.
     bounds: Vec<f64>,
+}
+
+/// Upper bound of the distance that any sphere of each group moves during a motion, m.
+pub(super) type Travels = SmallVec<[f64; 24]>;
+
+/// The spheres of one part of a link, and a sphere around all of them.
+#[derive(Clone, Debug)]
+struct Group {
+    link: usize,
+    center: Point3<f64>,
+    radius: f64,
+    /// Range in [`CollisionModel::sorted`].
+    spheres: std::ops::Range<usize>,
+}
+
+/// Number of spheres of a group: few, so that groups stay small.
+const MAX_GROUP: usize = 8;
+
+/// Divides the spheres of an arm into groups.
+fn groups(spheres: &[LinkSphere]) -> (Vec<Group>, Vec<u16>) {
+    let mut sorted: Vec<u16> = (0..spheres.len() as u16).collect();
+    // Spheres of a link are listed along its capsules: neighbours in the list are neighbours in space.
+    sorted.sort_by_key(|&index| spheres[usize::from(index)].link);
+    let mut groups: Vec<Group> = Vec::new();
+    let mut begin = 0;
+    while begin < sorted.len() {
+        let sphere = |place: usize| &spheres[usize::from(sorted[place])];
+        let link = sphere(begin).link;
+        let mut end = begin + 1;
+        while end < sorted.len() && end - begin < MAX_GROUP && sphere(end).link == link {
+            end += 1;
+        }
+        let sum = (begin..end).fold(nalgebra::Vector3::zeros(), |sum, place| {
+            sum + sphere(place).center.coords
+        });
+        let center = Point3::from(sum / (end - begin) as f64);
+        let reach = |place: usize| (sphere(place).center - center).norm() + sphere(place).radius;
+        let radius = (begin..end).map(reach).fold(0.0, f64::max);
+        groups.push(Group {
+            link,
+            center,
+            radius,
+            spheres: begin..end,
+        });
+        begin = end;
+    }
+    (groups, sorted)
 }
 
 /// A clearance, and the sphere or pair that has it.
@@ -80,15 +132,27 @@ enum Other {
     Sphere(usize),
 }
 
+impl Nearest {
+    /// Returns nothing within this distance.
+    fn beyond(distance: f64) -> Self {
+        Self {
+            distance,
+            sphere: usize::MAX,
+            other: Other::Nothing,
+        }
+    }
+}
+
 impl CollisionModel {
     /// Returns the checks for an arm in a scene, with the default [`MARGIN`].
     pub fn new(chain: &Chain<7>, geometry: ArmGeometry, scene: Scene) -> Self {
         let spheres = geometry.spheres();
+        let (groups, sorted) = groups(spheres);
         let mut pairs = Vec::new();
-        for (first, one) in spheres.iter().enumerate() {
-            for (second, two) in spheres.iter().enumerate().skip(first + 1) {
+        for (first, one) in groups.iter().enumerate() {
+            for (second, two) in groups.iter().enumerate().skip(first + 1) {
                 if part(one.link).abs_diff(part(two.link)) >= 2 {
-                    pairs.push((first as u16, second as u16));
+                    pairs.push((first as u8, second as u8));
                 }
             }
         }
@@ -99,6 +163,8 @@ impl CollisionModel {
             bounds: obstacles
                 .map(|obstacle| obstacle.shape.bounding_radius())
                 .collect(),
+            groups,
+            sorted,
             pairs,
             geometry,
             scene,
@@ -159,69 +225,166 @@ impl CollisionModel {
         Some((nearest.distance, contact))
     }
 
-    /// Returns the smallest distance less the margin; distances above `bound` are not computed exactly, but are above it.
-    pub(super) fn clearance_below(&self, joints: &Joints<7>, bound: f64) -> f64 {
-        self.nearest(joints, bound).distance
+    /// Returns an upper bound of the distance that any sphere of each group moves between two postures, m.
+    pub(super) fn travels(&self, from: &Joints<7>, to: &Joints<7>) -> Travels {
+        let motion = (to - from).abs();
+        let travel = |group: &Group| {
+            let reaches = self.sorted[group.spheres.clone()].iter();
+            let moved = reaches.map(|&sphere| self.reaches[usize::from(sphere)].dot(&motion));
+            moved.fold(0.0, f64::max)
+        };
+        self.groups.iter().map(travel).collect()
     }
 
-    /// Returns the centre of each sphere in the base frame.
-    fn centers(&self, joints: &Joints<7>) -> Vec<Point3<f64>> {
-        let frames = self.chain.frames(joints);
-        let place = |link: usize| match link {
-            0 => Pose::identity(),
-            _ => frames[link - 1],
-        };
-        let places: [Pose; 8] = std::array::from_fn(place);
-        let spheres = self.geometry.spheres().iter();
-        spheres
-            .map(|sphere| places[sphere.link] * sphere.center)
-            .collect()
-    }
-
-    fn nearest(&self, joints: &Joints<7>, bound: f64) -> Nearest {
-        let spheres = self.geometry.spheres();
-        let centers = self.centers(joints);
-        let mut nearest = Nearest {
-            distance: bound,
-            sphere: usize::MAX,
-            other: Other::Nothing,
-        };
+    /// Returns the part of a motion, before and after this posture, during which nothing can collide: at most `most`, and
+    /// negative if this posture collides.
+    ///
+    /// `travels` is that of the whole motion.
+    pub(super) fn free_fraction(&self, joints: &Joints<7>, travels: &Travels, most: f64) -> f64 {
+        let places = self.places(joints);
+        let middles = self.middles(&places);
+        let mut free = most;
         for (index, obstacle) in self.scene.obstacles().iter().enumerate() {
             let middle = Point3::from(obstacle.pose.translation.vector);
-            for (sphere, center) in centers.iter().enumerate() {
-                // The base stands on what it stands on.
-                if spheres[sphere].link == 0 {
+            for ((group, center), travel) in self.groups.iter().zip(&middles).zip(travels) {
+                let keep = group.radius + self.margin;
+                let needed = free * travel;
+                let reach = needed + keep + self.bounds[index];
+                if group.link == 0 || (center - middle).norm_squared() > reach * reach {
                     continue;
                 }
-                let keep = spheres[sphere].radius + self.margin;
-                let reach = nearest.distance + keep + self.bounds[index];
-                if reach < f64::INFINITY && (center - middle).norm_squared() > reach * reach {
+                if obstacle.distance(center) - keep >= needed {
                     continue;
                 }
-                let distance = obstacle.distance(center) - keep;
-                if distance < nearest.distance {
-                    nearest = Nearest {
-                        distance,
-                        sphere,
-                        other: Other::Obstacle(index),
-                    };
+                let mut nearest = Nearest::beyond(needed);
+                self.nearest_of_group(group, &places, index, &mut nearest);
+                if nearest.distance < 0.0 {
+                    return -1.0;
+                }
+                if nearest.distance < needed {
+                    free = nearest.distance / travel;
                 }
             }
         }
         for &(first, second) in &self.pairs {
             let (first, second) = (usize::from(first), usize::from(second));
-            let keep = spheres[first].radius + spheres[second].radius;
-            let reach = nearest.distance + keep;
-            let square = (centers[first] - centers[second]).norm_squared();
+            let groups = [&self.groups[first], &self.groups[second]];
+            let travel = travels[first].max(travels[second]);
+            let needed = free * travel;
+            let reach = needed + groups[0].radius + groups[1].radius;
+            if (middles[first] - middles[second]).norm_squared() >= reach * reach {
+                continue;
+            }
+            let mut nearest = Nearest::beyond(needed);
+            self.nearest_of_pair(groups, &places, &mut nearest);
+            if nearest.distance < 0.0 {
+                return -1.0;
+            }
+            if nearest.distance < needed {
+                free = nearest.distance / travel;
+            }
+        }
+        free
+    }
+
+    /// Returns the middle of each group in the base frame.
+    fn middles(&self, places: &[Pose; 8]) -> SmallVec<[Point3<f64>; 24]> {
+        let groups = self.groups.iter();
+        groups
+            .map(|group| places[group.link] * group.center)
+            .collect()
+    }
+
+    /// Returns the frame of each link, with the base as link 0.
+    fn places(&self, joints: &Joints<7>) -> [Pose; 8] {
+        let frames = self.chain.frames(joints);
+        std::array::from_fn(|link| match link {
+            0 => Pose::identity(),
+            _ => frames[link - 1],
+        })
+    }
+
+    fn nearest(&self, joints: &Joints<7>, bound: f64) -> Nearest {
+        let places = self.places(joints);
+        let middles = self.middles(&places);
+        let mut nearest = Nearest::beyond(bound);
+        for (index, obstacle) in self.scene.obstacles().iter().enumerate() {
+            let middle = Point3::from(obstacle.pose.translation.vector);
+            for (group, center) in self.groups.iter().zip(&middles) {
+                // The base stands on what it stands on.
+                if group.link == 0 {
+                    continue;
+                }
+                let keep = group.radius + self.margin;
+                let reach = nearest.distance + keep + self.bounds[index];
+                let far = match reach < f64::INFINITY {
+                    true => reach <= 0.0 || (center - middle).norm_squared() > reach * reach,
+                    false => false,
+                };
+                if far || obstacle.distance(center) - keep >= nearest.distance {
+                    continue;
+                }
+                self.nearest_of_group(group, &places, index, &mut nearest);
+            }
+        }
+        for &(first, second) in &self.pairs {
+            let (first, second) = (usize::from(first), usize::from(second));
+            let groups = [&self.groups[first], &self.groups[second]];
+            let reach = nearest.distance + groups[0].radius + groups[1].radius;
+            let square = (middles[first] - middles[second]).norm_squared();
             if reach < f64::INFINITY && (reach <= 0.0 || square >= reach * reach) {
                 continue;
             }
-            nearest = Nearest {
-                distance: square.sqrt() - keep,
-                sphere: first,
-                other: Other::Sphere(second),
-            };
+            self.nearest_of_pair(groups, &places, &mut nearest);
         }
         nearest
+    }
+
+    /// Compares each sphere of a group with an obstacle.
+    fn nearest_of_group(
+        &self,
+        group: &Group,
+        places: &[Pose; 8],
+        obstacle: usize,
+        nearest: &mut Nearest,
+    ) {
+        let spheres = self.geometry.spheres();
+        for &sphere in &self.sorted[group.spheres.clone()] {
+            let sphere = usize::from(sphere);
+            let center = places[group.link] * spheres[sphere].center;
+            let distance = self.scene.obstacles()[obstacle].distance(&center)
+                - spheres[sphere].radius
+                - self.margin;
+            if distance < nearest.distance {
+                *nearest = Nearest {
+                    distance,
+                    sphere,
+                    other: Other::Obstacle(obstacle),
+                };
+            }
+        }
+    }
+
+    /// Compares each sphere of one group with each of another.
+    fn nearest_of_pair(&self, groups: [&Group; 2], places: &[Pose; 8], nearest: &mut Nearest) {
+        let spheres = self.geometry.spheres();
+        let [one, two] = groups.map(|group| &self.sorted[group.spheres.clone()]);
+        for &first in one {
+            let first = usize::from(first);
+            let center = places[groups[0].link] * spheres[first].center;
+            for &second in two {
+                let second = usize::from(second);
+                let other = places[groups[1].link] * spheres[second].center;
+                let keep = spheres[first].radius + spheres[second].radius;
+                let distance = (center - other).norm() - keep;
+                if distance < nearest.distance {
+                    *nearest = Nearest {
+                        distance,
+                        sphere: first,
+                        other: Other::Sphere(second),
+                    };
+                }
+            }
+        }
     }
 }

@@ -23,6 +23,15 @@ impl Path {
         Self { postures }
     }
 
+    /// Returns the path through these postures, in rad, whose motions the caller has checked; `None` without a posture or
+    /// with one that is not finite.
+    pub fn through(postures: Vec<Joints<7>>) -> Option<Self> {
+        let finite = postures
+            .iter()
+            .all(|joints| joints.iter().all(|angle| angle.is_finite()));
+        (finite && !postures.is_empty()).then(|| Self::new(postures))
+    }
+
     /// Returns the postures, in rad.
     pub fn postures(&self) -> &[Joints<7>] {
         &self.postures

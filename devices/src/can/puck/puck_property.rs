@@ -107,6 +107,8 @@ pub mod mode {
 pub mod role {
     /// The bits.
     pub const MASK: i32 = 0x1F;
+    /// The flag of an absolute encoder, on a serial line.
+    pub const ABSOLUTE_ENCODER: i32 = 0x0100;
     /// A motor of the arm.
     pub const MOTOR: i32 = 0;
     /// The safety module.

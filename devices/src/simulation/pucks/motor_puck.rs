@@ -45,7 +45,10 @@ impl MotorPuck {
         let mut values = [None; 128];
         for (property, value) in [
             (PuckProperty::VERS, VERSION),
-            (PuckProperty::ROLE, role::MOTOR | 0x0400),
+            (
+                PuckProperty::ROLE,
+                role::MOTOR | role::ABSOLUTE_ENCODER | 0x0400,
+            ),
             (PuckProperty::OTEMP, MAX_TEMPERATURE),
             (PuckProperty::VBUS, SUPPLY_VOLTAGE),
             (PuckProperty::MT, of.limit as i32),

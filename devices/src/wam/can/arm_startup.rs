@@ -2,12 +2,13 @@
 
 use std::time::Duration;
 
-use tracing::{debug, info};
+use tracing::{debug, info, warn};
 
 use super::can_error::AtStep;
 use super::control_cycle::ControlCycle;
 use super::puck_bus::PuckBus;
-use super::{CanError, CanErrorKind, CanOptions, CanStep, OpenBus};
+use super::zero_calibration::marks_at_home;
+use super::{CanError, CanErrorKind, CanOptions, CanStep, OpenBus, PositionRecord};
 use crate::can::puck::{Group, Node, PuckProperty, mode, role, status};
 use crate::wam::{AXES, WamModel};
 
@@ -29,6 +30,13 @@ const LIMIT_MARGIN: f64 = 0.2;
 /// Maximum motion of a joint that is believed after the driver did not see it, rad: motors follow the last torque until
 /// the safety module misses its heartbeat, and may reach its velocity limit until then.
 const MAX_UNSEEN_MOTION: f64 = 1.0;
+/// Firmware from which on `MECH` is the absolute angle of the rotor (libbarrett).
+const MIN_ABSOLUTE_FIRMWARE_VERSION: i32 = 118;
+/// Tolerance of the origin of a puck's position, whose two parts are read one after the other while the arm may sink: a
+/// turn divided by this.
+const ORIGIN_TOLERANCE_DIVISOR: i32 = 16;
+/// Maximum distance from home of pucks that know their positions when somebody confirms home at the start, rad.
+const HOME_TOLERANCE: f64 = 0.2;
 /// Tolerance of a written position when it is read back: a turn divided by this.
 const POSITION_TOLERANCE_DIVISOR: i32 = 4;
 
@@ -50,12 +58,15 @@ pub(super) struct PuckUnits {
 /// The source of the arm's position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Attempt {
-    /// The driver starts: the position is that of marks or of a confirmed home pose, or of pucks that were told before.
-    First,
-    /// The pucks have kept the position, which is compared with the last known counts.
+    /// The driver starts: the position is that of a confirmed home pose, or of pucks that were told before.
+    First {
+        /// The last known position, of an earlier driver.
+        known: Option<PositionRecord>,
+    },
+    /// The pucks have kept the position, which is compared with the last known one.
     Reconnect {
-        /// Counts when the arm was lost.
-        known: [i32; AXES],
+        /// The position when the arm was lost.
+        known: PositionRecord,
     },
     /// A person says that the arm is folded at home now.
     HomeConfirmed,
@@ -71,10 +82,10 @@ pub(super) fn connect(
     model: &WamModel<AXES>,
     options: &CanOptions,
     attempt: Attempt,
-) -> Result<(ControlCycle, [i32; AXES]), CanError> {
+) -> Result<(ControlCycle, PositionRecord), CanError> {
     let bus = open().at_step(CanStep::Open)?;
     let mut bus = PuckBus::new(bus, options.property_timeout);
-    if attempt != Attempt::First {
+    if !matches!(attempt, Attempt::First { .. }) {
         // When the arm was lost the command to brake may have been lost as well, and the bus may be back before the
         // safety module misses a heartbeat.
         bus.set_property(Node::SAFETY, PuckProperty::MODE, mode::SAFETY_IDLE)
@@ -92,11 +103,11 @@ pub(super) fn connect(
     set_limits(&mut bus, options).at_step(CanStep::Limits)?;
     zero(&mut bus, model, options, attempt, !asleep.is_empty()).at_step(CanStep::Zero)?;
     let counts = locate(&mut bus, model).at_step(CanStep::Locate)?;
+    let origins = read_origins(&mut bus, model).at_step(CanStep::Locate)?;
     info!(?counts, "the arm on the CAN bus is there");
-    Ok((
-        ControlCycle::new(bus, units, model, options, counts),
-        counts,
-    ))
+    let position = PositionRecord { counts, origins };
+    let cycle = ControlCycle::new(bus, units, model, options, &position);
+    Ok((cycle, position))
 }
 
 /// All nodes that the arm needs.
@@ -286,11 +297,21 @@ fn zero(
     match attempt {
         Attempt::Reconnect { .. } if !zeroed => return Err(CanErrorKind::SafetyRestarted),
         Attempt::Reconnect { known } => return compare(bus, model, &known),
-        Attempt::First if !options.home_confirmed && options.home_marks.is_none() => {
-            return Err(CanErrorKind::HomeUnconfirmed);
+        Attempt::First { known } => {
+            let kept = zeroed && !restarted && !look_restarted(bus, model)?;
+            match (known.filter(|_| kept), options.home_confirmed) {
+                (Some(known), confirmed) => match compare(bus, model, &known) {
+                    Err(error) if confirmed && error.loses_position() => {}
+                    compared => return compared,
+                },
+                (None, true) => {}
+                (None, false) => return Err(CanErrorKind::HomeUnconfirmed),
+            }
+            if kept {
+                return check_home(bus, model);
+            }
         }
-        Attempt::First if zeroed && !restarted && !look_restarted(bus, model)? => return Ok(()),
-        Attempt::First | Attempt::HomeConfirmed => {}
+        Attempt::HomeConfirmed => {}
     }
     if bus.get_property(Node::SAFETY, PuckProperty::MODE)? == mode::TORQUE_OR_ACTIVE {
         return Err(CanErrorKind::Active);
@@ -300,15 +321,10 @@ fn zero(
     bus.discard_for(CONFIGURATION_INTERVAL)?;
     let turn = model.transmission.counts_per_turn() as i32;
     let home = model.transmission.counts(&model.home);
+    let marks = marks(model, options);
     for (motor, &counts) in home.iter().enumerate() {
         let node = Node::of_motor(motor);
-        let counts = counts
-            + off_home(
-                bus,
-                node,
-                options.home_marks.map(|marks| marks[motor]),
-                turn,
-            )?;
+        let counts = counts + off_home(bus, node, marks[motor], turn)?;
         bus.set_property(node, PuckProperty::P, counts)?;
         bus.discard_for(CONFIGURATION_INTERVAL)?;
         let got = bus.get_position(node)?;
@@ -335,12 +351,13 @@ fn look_restarted(bus: &mut PuckBus, model: &WamModel<AXES>) -> Result<bool, Can
 ///
 /// A puck that restarted is within its first turn, wherever it was before. The arm may have sunk or have been led
 /// meanwhile; more than [`MAX_UNSEEN_MOTION`] is not believed.
-fn compare(
+pub(super) fn compare(
     bus: &mut PuckBus,
     model: &WamModel<AXES>,
-    known: &[i32; AXES],
+    record: &PositionRecord,
 ) -> Result<(), CanErrorKind> {
     let turn = model.transmission.counts_per_turn() as i32;
+    let known = &record.counts;
     let mut now = [0; AXES];
     for (motor, slot) in now.iter_mut().enumerate() {
         *slot = bus.get_position(Node::of_motor(motor))?;
@@ -359,7 +376,69 @@ fn compare(
             });
         }
     }
+    let origins = read_origins(bus, model)?;
+    for (motor, origins) in record.origins.into_iter().zip(origins).enumerate() {
+        if let (Some(before), Some(now)) = origins
+            && within_turn(now - before, turn).abs() > turn / ORIGIN_TOLERANCE_DIVISOR
+        {
+            let node = Node::of_motor(motor);
+            return Err(CanErrorKind::OriginChanged { node });
+        }
+    }
     Ok(())
+}
+
+/// Returns the position of each puck minus the absolute angle of its rotor, within a turn.
+fn read_origins(
+    bus: &mut PuckBus,
+    model: &WamModel<AXES>,
+) -> Result<[Option<i32>; AXES], CanErrorKind> {
+    let turn = model.transmission.counts_per_turn() as i32;
+    let mut origins = [None; AXES];
+    for (motor, origin) in origins.iter_mut().enumerate() {
+        let node = Node::of_motor(motor);
+        if has_absolute_encoder(bus, node)? {
+            let angle = bus.get_property(node, PuckProperty::MECH)?;
+            let counts = bus.get_position(node)?;
+            *origin = Some(counts.wrapping_sub(angle).rem_euclid(turn));
+        }
+    }
+    Ok(origins)
+}
+
+/// Checks that pucks which know their positions are at home, as somebody confirmed.
+fn check_home(bus: &mut PuckBus, model: &WamModel<AXES>) -> Result<(), CanErrorKind> {
+    let away = model.transmission.joints(&locate(bus, model)?) - model.home;
+    match (0..AXES).find(|&joint| away[joint].abs() > HOME_TOLERANCE) {
+        Some(joint) => Err(CanErrorKind::HomeContradicted {
+            joint,
+            degrees: away[joint].to_degrees(),
+        }),
+        None => Ok(()),
+    }
+}
+
+/// Returns the value of `MECH` of each puck at home, where it is known.
+fn marks(model: &WamModel<AXES>, options: &CanOptions) -> [Option<i32>; AXES] {
+    match (&options.home_marks, &options.zero_angles) {
+        (Some(marks), _) => marks.map(Some),
+        (None, Some(zero_angles)) => marks_at_home(zero_angles, model),
+        (None, None) => [None; AXES],
+    }
+}
+
+/// Returns whether `MECH` of a puck is the absolute angle of its rotor (libbarrett, `low_level_wam`).
+fn has_absolute_encoder(bus: &mut PuckBus, node: Node) -> Result<bool, CanErrorKind> {
+    Ok(
+        bus.get_property(node, PuckProperty::VERS)? >= MIN_ABSOLUTE_FIRMWARE_VERSION
+            && bus.get_property(node, PuckProperty::ROLE)? & role::ABSOLUTE_ENCODER != 0,
+    )
+}
+
+/// Returns a difference of angles as the smaller way round, counts.
+fn within_turn(difference: i32, turn: i32) -> i32 {
+    let off = difference.rem_euclid(turn);
+    if off >= turn / 2 { off - turn } else { off }
 }
 
 /// Returns the distance of a rotor from its position at home, by its mark, within half a turn (libbarrett,
@@ -373,13 +452,16 @@ fn off_home(
     let Some(mark) = mark else {
         return Ok(0);
     };
+    if !has_absolute_encoder(bus, node)? {
+        warn!(%node, "no absolute encoder: its mark is ignored, and home assumed to be exact");
+        return Ok(0);
+    }
     let angle = bus.get_property(node, PuckProperty::MECH)?;
     if !(0..turn).contains(&angle) {
         let expected = format!("an angle from 0 to {}", turn - 1);
         return Err(unexpected(node, PuckProperty::MECH, &expected, angle));
     }
-    let off = (angle - mark.rem_euclid(turn)).rem_euclid(turn);
-    Ok(if off >= turn / 2 { off - turn } else { off })
+    Ok(within_turn(angle - mark.rem_euclid(turn), turn))
 }
 
 fn declare_zeroed(bus: &mut PuckBus) -> Result<(), CanErrorKind> {

@@ -102,9 +102,27 @@ pub enum CanErrorKind {
     /// The emergency stop has switched off the pucks, which forget their positions.
     #[error("the emergency stop has switched off the pucks, which lost their positions")]
     EmergencyStop,
-    /// The driver was started without marks and without a confirmed home pose.
+    /// The driver was started without a confirmed home pose.
     #[error("nobody has confirmed that the arm is folded in its home pose")]
     HomeUnconfirmed,
+    /// A puck has another origin of its position than the driver last knew: it restarted, or another program told it
+    /// where it is.
+    #[error("{node} counts from elsewhere than when the driver last knew its position")]
+    OriginChanged {
+        /// The node.
+        node: Node,
+    },
+    /// Somebody confirmed home at the start, but pucks that have kept their positions are not there.
+    #[error(
+        "the arm was confirmed to be at home, but the pucks know their positions, and joint {joint} is {degrees:.1} deg \
+         away from home"
+    )]
+    HomeContradicted {
+        /// Counted from 0.
+        joint: usize,
+        /// Its distance from home.
+        degrees: f64,
+    },
     /// Positions can only be written while nothing moves.
     #[error("the safety module is active while positions are to be written")]
     Active,
@@ -128,6 +146,8 @@ impl CanErrorKind {
                 | Self::SafetyRestarted
                 | Self::EmergencyStop
                 | Self::HomeUnconfirmed
+                | Self::OriginChanged { .. }
+                | Self::HomeContradicted { .. }
         )
     }
 
@@ -154,7 +174,9 @@ impl CanErrorKind {
             Self::PositionLost { .. }
             | Self::CountsChanged { .. }
             | Self::SafetyRestarted
-            | Self::HomeUnconfirmed => {
+            | Self::HomeUnconfirmed
+            | Self::OriginChanged { .. }
+            | Self::HomeContradicted { .. } => {
                 "to fold the arm into its home pose by hand and to confirm that (`confirm_home`)"
                     .to_owned()
             }

@@ -1,12 +1,13 @@
 //! Options of the driver on its bus.
 
+use std::path::PathBuf;
 use std::time::Duration;
 
 use crate::simulation::SafetyLimits;
 use crate::wam::AXES;
 
 /// Options of an arm on CAN.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct CanOptions {
     /// From one torque to the next; 2 ms or less.
     pub period: Duration,
@@ -24,14 +25,20 @@ pub struct CanOptions {
     pub retry_interval: Duration,
     /// Value of [`MECH`](crate::can::puck::PuckProperty::MECH) of each puck when the arm is exactly at home: then it
     /// may be folded by hand to within half a turn of its rotors. Without it, the folded pose is assumed to be exact.
-    ///
-    /// These are not the numbers of libbarrett's `zerocal.conf`: its `zeroangle` is the angle of the rotor with the
-    /// joint at zero, not at home.
+    /// Marks refine a confirmed home pose and do not replace the confirmation: a rotor has the same angle once per turn.
+    /// Ignored for pucks without an absolute encoder or with firmware older than 118.
     pub home_marks: Option<[i32; AXES]>,
+    /// Angles of the rotors with the joints at zero, rad: `zeroangle` of libbarrett's `zerocal.conf`, see
+    /// [`ZeroCalibration`](super::ZeroCalibration). [`home_marks`](Self::home_marks) take precedence.
+    pub zero_angles: Option<[f64; AXES]>,
+    /// File for the last known position. With it, a driver that starts again believes pucks that have kept their power
+    /// and their positions, without a confirmation; without it, each start needs one.
+    pub position_file: Option<PathBuf>,
     /// Confirms that the arm is folded in its home pose at the start of the driver, as
-    /// [`CanWam::confirm_home`](super::CanWam::confirm_home) does later. Without it and without
-    /// [`home_marks`](Self::home_marks) the driver starts, but the arm stays unreachable until somebody confirms. Not
-    /// for a program that is restarted automatically: nobody looks at the arm then.
+    /// [`CanWam::confirm_home`](super::CanWam::confirm_home) does later. Without it, and without a record of the position
+    /// that the pucks confirm, the driver starts, but the arm stays unreachable until somebody confirms. Refused when the
+    /// pucks have kept a position that is not home. Not for a program that is restarted automatically: nobody looks at
+    /// the arm then.
     pub home_confirmed: bool,
     /// Limits of the safety module; its heartbeat cannot be set.
     pub limits: SafetyLimits,
@@ -49,6 +56,8 @@ impl Default for CanOptions {
             wake_timeout: Duration::from_secs(2),
             retry_interval: Duration::from_millis(500),
             home_marks: None,
+            zero_angles: None,
+            position_file: None,
             home_confirmed: false,
             limits: SafetyLimits::default(),
         }

@@ -15,6 +15,8 @@ use crate::{DeviceError, VariableValue};
 const STATUS: &str = "status";
 /// 1 if the position is known. Setting it to 1 confirms that the arm is folded at home.
 const CONFIRM_HOME: &str = "confirm_home";
+/// Angles of the rotors with the joints at zero, rad, for the next confirmation; none if they are not known.
+const ZERO_ANGLES: &str = "zero_angles";
 /// Of the pucks of motors.
 const MOTOR: [(&str, PuckProperty); 12] = [
     ("puck.VERS", PuckProperty::VERS),
@@ -44,7 +46,7 @@ const SAFETY: [(&str, PuckProperty); 8] = [
 
 pub(super) fn names() -> impl Iterator<Item = String> {
     let properties = MOTOR.iter().chain(&SAFETY).map(|(name, _)| *name);
-    [STATUS, CONFIRM_HOME]
+    [STATUS, CONFIRM_HOME, ZERO_ANGLES]
         .into_iter()
         .chain(properties)
         .map(str::to_owned)
@@ -66,6 +68,15 @@ pub(super) fn variable(device: &CanWam, name: &str) -> Result<Vec<VariableValue>
         let known = device.status().position_lost.is_none();
         return Ok(vec![whole(known.into())]);
     }
+    if name == ZERO_ANGLES {
+        let angles = device.with(|arm| arm.zero_angles());
+        return Ok(angles
+            .iter()
+            .flatten()
+            .copied()
+            .map(VariableValue::Number)
+            .collect());
+    }
     if let Some((_, property)) = named(&MOTOR, name) {
         let one = |motor| run(device, Node::of_motor(motor), property, None).map(whole);
         return (0..AXES).map(one).collect();
@@ -85,6 +96,12 @@ pub(super) fn set_variable(
     if name == CONFIRM_HOME {
         let [_] = numbers(CONFIRM_HOME, value, [(1.0, 1.0)])?;
         return device.confirm_home();
+    }
+    if name == ZERO_ANGLES {
+        // Values out of range exclude a motor.
+        let angles = numbers(ZERO_ANGLES, value, [(-1e3, 1e3); AXES])?;
+        device.with(|arm| arm.set_zero_angles(angles));
+        return Ok(());
     }
     let Some((name, property)) = named(&SAFETY, name) else {
         return no_variable(name);

@@ -11,7 +11,10 @@ use tracing::{info, warn};
 use super::arm_startup::{Attempt, connect};
 use super::control_cycle::ControlCycle;
 use super::property_request::PropertyRequest;
-use super::{CanError, CanErrorKind, CanOptions, can_variables, property_request};
+use super::{
+    CanError, CanErrorKind, CanOptions, PositionRecord, can_variables, position_record,
+    property_request,
+};
 use crate::can::puck::{Node, Pendant, PuckProperty};
 use crate::can::{BusError, CanBus};
 use crate::simulation::SafetyMode;
@@ -37,8 +40,8 @@ pub type OpenBus = Box<dyn FnMut() -> Result<Box<dyn CanBus>, BusError> + Send>;
 /// A seven-joint WAM arm on its CAN bus.
 ///
 /// * It must be folded in its home pose when the pucks have been switched on and the driver starts, and somebody must
-///   say so: [`CanOptions::home_confirmed`], marks, or [`confirm_home`](Self::confirm_home). Pucks whose positions have
-///   been set keep them as long as they have power.
+///   say so: [`CanOptions::home_confirmed`] or [`confirm_home`](Self::confirm_home). Pucks whose positions have been set
+///   keep them as long as they have power, and [`CanOptions::position_file`] tells the next driver which they were.
 /// * Once the position is lost - pucks or safety module restarted, the emergency stop cut their power, or counts changed
 ///   while the bus was away - commands and readings are refused until [`confirm_home`](Self::confirm_home), also when
 ///   the pucks are back by themselves.
@@ -70,6 +73,10 @@ pub struct CanArm {
     control: ArmControl,
     status: CanStatus,
     options: CanOptions,
+    /// Origins of the pucks' positions, as last known.
+    origins: [Option<i32>; AXES],
+    /// True once the position has been known: counts of before mean nothing.
+    located: bool,
     /// Pending queries of callers to pucks.
     property_requests: VecDeque<PropertyRequest>,
     /// The pending confirmation of a person, and where its result goes.
@@ -182,13 +189,16 @@ impl ControlledArm for CanArm {
         name: &str,
         value: &[VariableValue],
     ) -> Result<(), DeviceError> {
-        let options = device.with(|arm| arm.options);
+        let options = device.with(|arm| arm.options.clone());
         can_variables::set_variable(device, &options, name, value)
     }
 }
 
 impl CanArm {
-    fn connected(&mut self, link: &ControlCycle, counts: [i32; AXES]) {
+    fn connected(&mut self, link: &ControlCycle, position: &PositionRecord) {
+        let counts = position.counts;
+        self.origins = position.origins;
+        self.located = true;
         let motors = link.motors(self.control.model());
         self.control.set_motors(motors);
         self.control.set_error(None);
@@ -226,11 +236,26 @@ impl CanArm {
         if let Some(answer) = self.confirmation.take() {
             return Some((Attempt::HomeConfirmed, Some(answer)));
         }
-        let known = self.control.motor_counts();
-        match self.status.position_lost {
-            Some(_) => None,
-            None => Some((Attempt::Reconnect { known }, None)),
-        }
+        let known = self.known_position()?;
+        Some((Attempt::Reconnect { known }, None))
+    }
+
+    /// Returns the last known position; `None` once it is lost.
+    pub(super) fn known_position(&self) -> Option<PositionRecord> {
+        (self.located && self.status.position_lost.is_none()).then(|| PositionRecord {
+            counts: self.control.motor_counts(),
+            origins: self.origins,
+        })
+    }
+
+    /// Returns the angles of the rotors with the joints at zero, rad.
+    pub(super) fn zero_angles(&self) -> Option<[f64; AXES]> {
+        self.options.zero_angles
+    }
+
+    /// Sets them, for the next confirmation of the home pose.
+    pub(super) fn set_zero_angles(&mut self, angles: [f64; AXES]) {
+        self.options.zero_angles = Some(angles);
     }
 
     /// Queues a query for the thread of the bus, if the arm is connected.
@@ -275,12 +300,22 @@ impl ArmDevice<CanArm> {
     /// Blocks until the arm is found, a second or so. Errors: as [`start`](Self::start).
     #[cfg(target_os = "linux")]
     pub fn on_interface(interface: &str, options: CanOptions) -> Result<Self, DeviceError> {
+        Self::on_interface_with(WamModel::<AXES>::new(), interface, options)
+    }
+
+    /// Connects an arm of this model on an interface of the kernel; as [`on_interface`](Self::on_interface).
+    #[cfg(target_os = "linux")]
+    pub fn on_interface_with(
+        model: WamModel<AXES>,
+        interface: &str,
+        options: CanOptions,
+    ) -> Result<Self, DeviceError> {
         let interface = interface.to_owned();
         let open = move || {
             let bus = crate::can::SocketCan::open(&interface)?;
             Ok(Box::new(bus) as Box<dyn CanBus>)
         };
-        Self::start(WamModel::<AXES>::new(), options, Box::new(open))
+        Self::start(model, options, Box::new(open))
     }
 
     /// Connects an arm on a bus.
@@ -292,25 +327,27 @@ impl ArmDevice<CanArm> {
         options: CanOptions,
         mut open: OpenBus,
     ) -> Result<Self, DeviceError> {
-        let found = connect(&mut open, &model, &options, Attempt::First);
+        let known = options.position_file.as_deref();
+        let known = known.and_then(PositionRecord::load);
+        let found = connect(&mut open, &model, &options, Attempt::First { known });
         let counts = match &found {
-            Ok((_, counts)) => *counts,
+            Ok((_, position)) => position.counts,
             // The arm is there, and waits for a person.
-            Err(error) if error.kind == CanErrorKind::HomeUnconfirmed => {
-                model.transmission.counts(&model.home)
-            }
+            Err(error) if waits_for_person(&error.kind) => model.transmission.counts(&model.home),
             Err(error) => return Err(DeviceError::from(&error.to_arm_error(PEER))),
         };
         let mut arm = CanArm {
             control: ArmControl::new(model, options.period, counts),
             status: CanStatus::default(),
-            options,
+            options: options.clone(),
+            origins: [None; AXES],
+            located: false,
             property_requests: VecDeque::new(),
             confirmation: None,
         };
         let link = match found {
-            Ok((link, counts)) => {
-                arm.connected(&link, counts);
+            Ok((link, position)) => {
+                arm.connected(&link, &position);
                 Some(link)
             }
             Err(error) => {
@@ -319,7 +356,17 @@ impl ArmDevice<CanArm> {
             }
         };
         Self::spawn(arm, "can-wam", move |shared| {
-            run(shared, link, open, &options);
+            thread::scope(|scope| {
+                if let Some(path) = &options.position_file {
+                    let keeper = thread::Builder::new().name("can-wam-position".into());
+                    let started =
+                        keeper.spawn_scoped(scope, || position_record::keep(shared, path));
+                    if let Err(error) = started {
+                        warn!(%error, "no thread to keep the last known position of the arm");
+                    }
+                }
+                run(shared, link, open, &options);
+            });
         })
     }
 
@@ -362,6 +409,17 @@ impl ArmDevice<CanArm> {
     }
 }
 
+/// Returns whether a start that failed so leaves an arm that waits for a person.
+fn waits_for_person(error: &CanErrorKind) -> bool {
+    matches!(
+        error,
+        CanErrorKind::HomeUnconfirmed
+            | CanErrorKind::CountsChanged { .. }
+            | CanErrorKind::OriginChanged { .. }
+            | CanErrorKind::HomeContradicted { .. }
+    )
+}
+
 /// Drives the arm, and reconnects after a loss, until stopped. Once the position is lost, a person has to confirm it.
 fn run(
     shared: &Shared<CanArm>,
@@ -385,10 +443,11 @@ fn run(
                     wait(shared, options.retry_interval);
                     continue;
                 };
-                let found = connect(&mut open, &model, options, attempt);
+                let current = shared.lock().arm.options.clone();
+                let found = connect(&mut open, &model, &current, attempt);
                 let result = match found {
-                    Ok((found, counts)) => {
-                        shared.lock().arm.connected(&found, counts);
+                    Ok((found, position)) => {
+                        shared.lock().arm.connected(&found, &position);
                         link = Some(found);
                         Ok(())
                     }

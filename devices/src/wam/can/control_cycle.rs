@@ -2,11 +2,13 @@
 
 use std::time::{Duration, Instant};
 
-use super::arm_startup::PuckUnits;
+use tracing::warn;
+
+use super::arm_startup::{PuckUnits, compare};
 use super::can_error::AtStep;
 use super::property_request::PropertyRequest;
 use super::puck_bus::{MAX_FRAMES_PER_REPLY, PuckBus};
-use super::{CanError, CanErrorKind, CanOptions, CanStep};
+use super::{CanError, CanErrorKind, CanOptions, CanStep, PositionRecord};
 use crate::can::BusError;
 use crate::can::puck::{Group, Node, Pendant, PuckMessage, PuckProperty, mode};
 use crate::kinematics::Joints;
@@ -20,6 +22,9 @@ const MAX_UNANSWERED_POLLS: u32 = 10;
 const TEMPERATURE_POLL_PERIODS: u64 = 50;
 /// Maximum plausible change of a rotor's position in a period: a turn divided by this (btclient).
 const MAX_TURN_DIVISOR: f64 = 4.0;
+/// Maximum time between two control periods, less than a puck takes to restart (0.5 s): after more, positions are compared
+/// as after a lost connection, for the plausible change of a count grows with the time.
+const MAX_STALL: Duration = Duration::from_millis(400);
 /// The largest torque there is room for: 13 bits and a sign.
 const MAX_TORQUE_UNITS: f64 = 8191.0;
 
@@ -37,6 +42,11 @@ pub(super) struct ControlCycle {
     missed: [u32; AXES],
     /// Time of each accepted position.
     seen: [Instant; AXES],
+    model: WamModel<AXES>,
+    /// Origins of the pucks' positions when the connection was made.
+    origins: [Option<i32>; AXES],
+    /// Start of the last control period.
+    last_cycle: Option<Instant>,
     cycles: u64,
     unanswered: u32,
     safety: Option<SafetyMode>,
@@ -53,18 +63,22 @@ impl ControlCycle {
         units: Vec<PuckUnits>,
         model: &WamModel<AXES>,
         options: &CanOptions,
-        counts: [i32; AXES],
+        position: &PositionRecord,
     ) -> Self {
+        let counts = position.counts;
         Self {
             bus,
+            model: model.clone(),
+            origins: position.origins,
             groups: distinct(units.iter().map(|unit| unit.group)),
             torque_groups: distinct(units.iter().map(|unit| unit.torque_group)),
             units,
-            options: *options,
+            options: options.clone(),
             counts_per_turn: f64::from(model.transmission.counts_per_turn()),
             counts,
             missed: [0; AXES],
             seen: [Instant::now(); AXES],
+            last_cycle: None,
             cycles: 0,
             unanswered: 0,
             safety: None,
@@ -130,6 +144,16 @@ impl ControlCycle {
 
     /// Queries the positions of all pucks and waits for them; a missing one counts as unchanged.
     pub(super) fn positions(&mut self) -> Result<[i32; AXES], CanError> {
+        let now = Instant::now();
+        let last = self.last_cycle.replace(now).unwrap_or(now);
+        if now.saturating_duration_since(last) > MAX_STALL {
+            warn!("the control was interrupted for {:?}", now - last);
+            let known = PositionRecord {
+                counts: self.counts,
+                origins: self.origins,
+            };
+            compare(&mut self.bus, &self.model, &known).at_step(CanStep::Positions)?;
+        }
         self.forget_stale().at_step(CanStep::Positions)?;
         self.watch().at_step(CanStep::SafetyPoll)?;
         let start = Instant::now();
@@ -183,8 +207,7 @@ impl ControlCycle {
     /// A rotor cannot have turned further than so; in a longer time it can go further.
     fn is_believable(&self, motor: usize, counts: i32, now: Instant) -> bool {
         let time = now.saturating_duration_since(self.seen[motor]);
-        let periods = time.as_secs_f64() / self.options.period.as_secs_f64();
-        let most = self.counts_per_turn / MAX_TURN_DIVISOR * periods.max(1.0);
+        let most = max_change(self.counts_per_turn, time, self.options.period);
         f64::from(counts.abs_diff(self.counts[motor])) <= most
     }
 
@@ -260,10 +283,7 @@ impl ControlCycle {
             let mut slots = [0; 4];
             for (motor, unit) in self.units.iter().enumerate() {
                 if unit.torque_group == group {
-                    let most = unit.largest.min(MAX_TORQUE_UNITS);
-                    let units = (unit.per_newton_metre * motors[motor]).floor();
-                    // What is no number becomes 0.
-                    slots[unit.slot] = units.clamp(-most, most) as i16;
+                    slots[unit.slot] = command(unit, motors[motor]);
                 }
             }
             let message = PuckMessage::Torques(slots);
@@ -297,6 +317,20 @@ impl ControlCycle {
     }
 }
 
+/// Returns the largest plausible change of a rotor's position in a time, counts.
+fn max_change(counts_per_turn: f64, time: Duration, period: Duration) -> f64 {
+    let periods = time.as_secs_f64() / period.as_secs_f64();
+    counts_per_turn / MAX_TURN_DIVISOR * periods.max(1.0)
+}
+
+/// Returns the command of a motor for a torque, Nm: rounded down, as libbarrett does, within what the puck follows.
+fn command(unit: &PuckUnits, torque: f64) -> i16 {
+    let most = unit.largest.min(MAX_TORQUE_UNITS);
+    let units = (unit.per_newton_metre * torque).floor();
+    // What is no number becomes 0.
+    units.clamp(-most, most) as i16
+}
+
 fn distinct(groups: impl Iterator<Item = Group>) -> Vec<Group> {
     let mut found = Vec::new();
     for group in groups {
@@ -305,4 +339,34 @@ fn distinct(groups: impl Iterator<Item = Group>) -> Vec<Group> {
         }
     }
     found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_rotor_turns_by_a_quarter_per_period_at_most() {
+        let period = Duration::from_millis(2);
+        let most = |counts: f64, millis| max_change(counts, Duration::from_millis(millis), period);
+        assert_eq!([most(4096.0, 2), most(4096.0, 1)], [1024.0, 1024.0]);
+        assert_eq!([most(4096.0, 6), most(40960.0, 2)], [3072.0, 10240.0]);
+    }
+
+    #[test]
+    fn commands_are_rounded_down_within_the_limit() {
+        let unit = |largest| PuckUnits {
+            per_newton_metre: 2700.0,
+            largest,
+            torque_group: Group::LOWER_TORQUES,
+            slot: 0,
+            group: Group::ARM,
+        };
+        let puck = unit(4320.0);
+        let commands = [0.001, -0.001, 0.0009].map(|torque| command(&puck, torque));
+        assert_eq!(commands, [2, -3, 2]);
+        let commands = [1.7, -1.7, f64::NAN].map(|torque| command(&puck, torque));
+        assert_eq!(commands, [4320, -4320, 0]);
+        assert_eq!(command(&unit(1e6), 100.0), 8191);
+    }
 }

@@ -10,6 +10,8 @@
 //! 3. `can_wam.rs`: when the bus or a puck fails, commands the safety module to brake the arm, names the failed step
 //!    and the node, and reconnects.
 //!
+//! 4. `position_record.rs`: keeps the last known position in a file, with which the next start compares that of the pucks.
+//!
 //! No lock is held while waiting for the bus: calls of the device wait for the computation of a period at most.
 
 mod arm_startup;
@@ -18,9 +20,22 @@ mod can_options;
 mod can_variables;
 mod can_wam;
 mod control_cycle;
+mod position_record;
 mod property_request;
 mod puck_bus;
+mod zero_calibration;
 
 pub use can_error::{CanError, CanErrorKind, CanStep};
 pub use can_options::CanOptions;
 pub use can_wam::{CanArm, CanStatus, CanWam, OpenBus};
+pub use zero_calibration::{CalibrationError, ZeroCalibration};
+
+use crate::wam::AXES;
+
+/// The position of the pucks when the driver last knew it.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+struct PositionRecord {
+    counts: [i32; AXES],
+    /// Position minus absolute angle of the rotor, within a turn; `None` without an absolute encoder.
+    origins: [Option<i32>; AXES],
+}

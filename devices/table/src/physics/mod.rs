@@ -5,12 +5,14 @@
 //! | `mod` | [`Physics`]: the world and one step of it |
 //! | `bodies` | shapes, masses and friction |
 //! | `contact` | forces between robot and world, joint torques and finger loads |
+//! | `path_check` | [`PathCheck`]: collisions of an arm along a path, for judging planners |
 //!
 //! The robot's parts move as their devices tell (kinematic bodies), so objects feel them as they are; what objects, table
 //! and baskets do to them comes back as torques and loads one step later. Contact and friction alone hold an object.
 
 mod bodies;
 mod contact;
+mod path_check;
 
 use std::time::Duration;
 
@@ -24,6 +26,7 @@ use crate::robot::{self, HandPosture, PARTS, RobotPosture};
 use crate::{Pose, Scene};
 
 pub use contact::{Contact, Other};
+pub use path_check::{PathCheck, Solid};
 
 /// Time of one step: the control period of the arm.
 pub const STEP: Duration = Duration::from_millis(2);
@@ -38,12 +41,16 @@ const CONTACT: (f32, f32) = (45.0, 5.0);
 const CONTACT_WITH_TABLE: (f32, f32) = (60.0, 10.0);
 /// Share of a new force that counts at once. What holds an object feels its inertia one step late; without this low-pass
 /// a heavy object in a light wrist would swing up.
-const NEW: f64 = 0.3;
+const NEW: f64 = 0.08;
 /// Torque at an outer joint above which the finger gives way, Nm, how fast, counts per step, and how far: the elasticity of
 /// cables and of the rubber covers. No source gives it.
 const GIVES_ABOVE: f64 = 1.3;
 const GIVES: f64 = 15.0;
 const MOST_GIVEN: f64 = 400.0;
+/// Bound of the torques of objects on the joints in one step, before the low-pass, Nm: what lifts twice the heaviest carton
+/// far from the joint. The solver's forces between a squeezed object and bodies that only their devices move are noisy; the
+/// last joint is so light that single steps of them would shake it beyond the limits of its motor.
+const MOST_SOFT: [f64; 7] = [30.0, 30.0, 15.0, 15.0, 3.0, 3.0, 0.4];
 /// Bound of the torques on joints, Nm: above what the mechanics of the arm allow (110 Nm).
 const MOST: f64 = 120.0;
 
@@ -204,7 +211,10 @@ impl Physics {
     fn blend(&mut self, sharp: &contact::Sharp) {
         let before = self.reaction;
         // Table and baskets push as springs on what is stiff itself: there a delay would do harm.
-        self.soft += (sharp.soft - self.soft) * NEW;
+        let bounded = Joints::<7>::from_fn(|joint, _| {
+            sharp.soft[joint].clamp(-MOST_SOFT[joint], MOST_SOFT[joint])
+        });
+        self.soft += (bounded - self.soft) * NEW;
         self.reaction.torques = (self.soft + sharp.stiff).map(|torque| torque.clamp(-MOST, MOST));
         for finger in 0..3 {
             let (old, new) = (before.loads[finger], sharp.loads[finger]);

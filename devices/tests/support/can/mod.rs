@@ -2,6 +2,7 @@
 
 #![allow(dead_code, unreachable_pub)]
 
+pub mod histories;
 pub mod memory;
 pub mod scenarios;
 

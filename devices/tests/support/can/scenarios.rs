@@ -59,6 +59,7 @@ pub const ALL: [Scenario; 10] = [
 pub fn options() -> CanOptions {
     let model = WamModel::<7>::new();
     CanOptions {
+        home_confirmed: true,
         home_marks: Some(model.transmission.counts(&model.home)),
         retry_interval: Duration::from_millis(20),
         ..CanOptions::default()

@@ -10,6 +10,7 @@ use yarp_ports::Received;
 use yarp_wire::float_vector::Vector;
 
 use crate::cartesian::messages::from_event;
+use crate::device_ports::LatestValue;
 
 /// Maximum number of queued events for a listener that does not read.
 const MAX_QUEUED_EVENTS: usize = 256;
@@ -17,10 +18,8 @@ const MAX_QUEUED_EVENTS: usize = 256;
 /// Written by the streams of a server and read by callers.
 #[derive(Debug)]
 pub(super) struct LatestPose {
-    newest: Mutex<Option<(StampedPose, Instant)>>,
+    newest: LatestValue<StampedPose>,
     listeners: Mutex<Vec<SyncSender<CartesianEvent>>>,
-    max_age: Duration,
-    begun: Instant,
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
@@ -28,13 +27,11 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl LatestPose {
-    /// A pose is max_age until it is `max_age` old.
+    /// No pose yet; one is trusted until it is `max_age` old.
     pub(super) fn new(max_age: Duration) -> Self {
         Self {
-            newest: Mutex::default(),
+            newest: LatestValue::new("pose of the tool", max_age),
             listeners: Mutex::default(),
-            max_age,
-            begun: Instant::now(),
         }
     }
 
@@ -47,7 +44,7 @@ impl LatestPose {
         };
         let pose = TaskPose::from_array(numbers);
         let time = received.stamp().map_or_else(wall_clock, |stamp| stamp.time);
-        *lock(&self.newest) = Some((StampedPose { pose, time }, Instant::now()));
+        self.newest.store(StampedPose { pose, time });
     }
 
     /// Processes an event, and notifies listeners.
@@ -69,28 +66,16 @@ impl LatestPose {
 
     /// Returns whether no pose has been received for so long.
     pub(super) fn is_older_than(&self, age: Duration) -> bool {
-        let newest = lock(&self.newest);
-        newest
-            .as_ref()
-            .map_or(self.begun, |(_, arrived)| *arrived)
-            .elapsed()
-            > age
+        self.newest.is_older_than(age)
     }
 
     /// Returns the arrival time of the newest pose.
     pub(super) fn arrived(&self) -> Option<Instant> {
-        lock(&self.newest).as_ref().map(|(_, arrived)| *arrived)
+        self.newest.arrived()
     }
 
-    /// The newest pose, if it is max_age.
+    /// The newest pose, if it is not too old.
     pub(super) fn pose(&self) -> Result<StampedPose, DeviceError> {
-        let what = "pose of the tool";
-        let newest = lock(&self.newest);
-        let (pose, arrived) = newest.as_ref().ok_or(DeviceError::NoDataYet { what })?;
-        let (age, limit) = (arrived.elapsed(), self.max_age);
-        if age > limit {
-            return Err(DeviceError::Stale { what, age, limit });
-        }
-        Ok(*pose)
+        self.newest.read(|pose| *pose)
     }
 }

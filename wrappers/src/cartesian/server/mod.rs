@@ -23,7 +23,8 @@ use self::request_handler::RequestHandler;
 use super::CartesianVersion;
 use super::messages::to_event;
 use crate::OpenError;
-use crate::open_ports::{close_all, open_all};
+use crate::open_ports::{close_all, open_all, request_port};
+use crate::page_request::request_of;
 use crate::periodic_thread::{PeriodicThread, check_period};
 use crate::reconnect::PORT_CLOSE_TIMEOUT;
 
@@ -220,18 +221,18 @@ async fn write_events(port: Arc<Port>, mut events: UnboundedReceiver<CartesianEv
 fn obeying(handler: &Arc<RequestHandler>) -> PortOptions {
     let handler = handler.clone();
     let take = move |received: &mut Received| {
-        let message = received.bottle().unwrap_or_default();
+        let message = request_of(received);
         handler.obey(&message, &received.from);
         Answer::Nothing
     };
-    PortOptions::new().handler(take).input_only()
+    request_port().handler(take).input_only()
 }
 
 fn answering(handler: &Arc<RequestHandler>) -> PortOptions {
     let handler = handler.clone();
     let answer = move |received: &mut Received| {
-        let request = received.bottle().unwrap_or_default();
+        let request = request_of(received);
         Answer::reply(handler.answer(&request, &received.from))
     };
-    PortOptions::new().handler(answer).input_only()
+    request_port().handler(answer).input_only()
 }

@@ -1,50 +1,24 @@
 //! Queries and commands for joints, in either wire version.
 
 use yarp_devices::{Axes, AxisIndex, DeviceError};
-use yarp_wire::{Value, Vocab32, WireVersion};
+use yarp_wire::{Value, WireVersion};
 
 use super::super::messages::{
-    Action, Command, Field, Get, JointData, Quantity, Query, Selection, Set, Setting, Words, float,
-    floats,
+    Action, Command, Field, Get, JointData, Outcome, Quantity, Query, Selection, Set, Setting,
+    Spelling, Words,
 };
-use super::{Answered, RemoteControlBoard};
-
-/// Two numbers, one behind the other.
-pub(super) fn pair(values: &[Value]) -> Option<(f64, f64)> {
-    match values {
-        [first, second, ..] => float(first).zip(float(second)),
-        _ => None,
-    }
-}
-
-/// A word, or a list of words.
-pub(super) fn codes<T>(value: &Value, make: impl Fn(u32) -> T) -> Option<Vec<T>> {
-    let code = |value: &Value| value.as_vocab().map(Vocab32::code);
-    let codes: Option<Vec<u32>> = match value.as_list() {
-        Some(list) => list.iter().map(code).collect(),
-        None => Some(vec![code(value)?]),
-    };
-    Some(codes?.into_iter().map(make).collect())
-}
-
-/// One number by itself, several as a list of so many.
-pub(super) fn numbers(value: &Value, selection: &Selection, total: usize) -> Option<Vec<f64>> {
-    if let Selection::One(_) = selection {
-        return Some(vec![float(value)?]);
-    }
-    let list = value.as_list()?;
-    (list.len() == selection.axes().len(total)).then(|| floats(list))?
-}
+use super::RemoteControlBoard;
 
 impl RemoteControlBoard {
     /// Asks about one axis.
-    pub(super) fn about(
+    pub(super) fn about<T: Outcome>(
         &self,
         question: Query,
         axis: AxisIndex,
-    ) -> Result<Answered<'_>, DeviceError> {
+    ) -> Result<T, DeviceError> {
         Axes::One(axis).check(self.axes)?;
-        self.ask(Get::About(question, Selection::One(axis)))
+        self.ask(Get::About(question, Selection::One(axis)))?
+            .read(|values| T::read(values, true))
     }
 
     /// Refuses queries that 3.x does not have.
@@ -63,31 +37,40 @@ impl RemoteControlBoard {
         quantity: Quantity,
         axes: Axes<'_>,
     ) -> Result<Vec<f64>, DeviceError> {
-        axes.check(self.axes)?;
-        let spelling = quantity.spelling();
-        let selections =
-            spelling.sayable(self.wire_version(), axes, self.axes, "ask about", true)?;
-        let mut all = Vec::new();
-        for selection in selections {
-            if selection.axes().len(self.axes) == 0 {
-                continue;
-            }
-            let asked = Get::Values(quantity, selection.clone());
-            let read = |values: &[Value]| numbers(values.first()?, &selection, self.axes);
-            all.extend(self.ask(asked)?.read(read)?);
-        }
-        Ok(all)
+        let get = |selection| Get::Values(quantity, selection);
+        self.each(quantity.spelling(), axes, get)
     }
 
-    /// Asks the same about each of several joints, by one message where there is one, and puts the answers together.
+    /// Asks for the number of one joint.
+    pub(super) fn value(&self, quantity: Quantity, axis: AxisIndex) -> Result<f64, DeviceError> {
+        let values = self.values(quantity, axis.into())?;
+        Ok(values.into_iter().next().unwrap_or(f64::NAN))
+    }
+
+    /// Asks the same about each of several joints.
     pub(super) fn about_each<T>(
         &self,
         question: Query,
         axes: Axes<'_>,
-        read: impl Fn(&[Value], &Selection) -> Option<Vec<T>>,
-    ) -> Result<Vec<T>, DeviceError> {
+    ) -> Result<Vec<T>, DeviceError>
+    where
+        Vec<T>: Outcome,
+    {
+        let get = |selection| Get::About(question, selection);
+        self.each(question.spelling(), axes, get)
+    }
+
+    /// Asks by one message where there is one, else by several, and puts the answers together.
+    fn each<T>(
+        &self,
+        spelling: Spelling,
+        axes: Axes<'_>,
+        get: impl Fn(Selection) -> Get,
+    ) -> Result<Vec<T>, DeviceError>
+    where
+        Vec<T>: Outcome,
+    {
         axes.check(self.axes)?;
-        let spelling = question.spelling();
         let selections =
             spelling.sayable(self.wire_version(), axes, self.axes, "ask about", true)?;
         let mut all = Vec::new();
@@ -96,11 +79,11 @@ impl RemoteControlBoard {
             if expected == 0 {
                 continue;
             }
-            let asked = Get::About(question, selection.clone());
+            let one = matches!(selection, Selection::One(_));
             let read = |values: &[Value]| {
-                read(values, &selection).filter(|answers| answers.len() == expected)
+                <Vec<T>>::read(values, one).filter(|answers| answers.len() == expected)
             };
-            all.extend(self.ask(asked)?.read(read)?);
+            all.extend(self.ask(get(selection))?.read(read)?);
         }
         Ok(all)
     }
@@ -134,7 +117,7 @@ impl RemoteControlBoard {
         values: &[f64],
     ) -> Result<(), DeviceError> {
         axes.check_command(self.axes, what, values.len())?;
-        self.check_finite(axes, what, values)?;
+        axes.check_finite(self.axes, what, values)?;
         if values.is_empty() {
             return Ok(());
         }
@@ -186,15 +169,5 @@ impl RemoteControlBoard {
             let chosen = axes.iter(self.axes).map(|axis| all[axis.index()].clone());
             Some(chosen.collect())
         })
-    }
-
-    /// Not every board checks this, so nothing else leaves here.
-    pub(super) fn check_finite(
-        &self,
-        axes: Axes<'_>,
-        quantity: &'static str,
-        values: &[f64],
-    ) -> Result<(), DeviceError> {
-        axes.check_finite(self.axes, quantity, values)
     }
 }

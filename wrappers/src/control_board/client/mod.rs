@@ -7,26 +7,26 @@
 //! | `latest_state` | the newest state received |
 //! | `board_requests` | queries and commands for joints, in either wire version |
 //! | `motion_completion` | numbered moves, and waiting for their ends |
-//! | `interfaces`, `motion_interfaces`, `motor_interfaces` | the device interfaces |
+//! | `remote_interface` | generates the methods of an interface from its description |
+//! | `interfaces`, `pid_interface` | the device interfaces, and what is written by hand of them |
+//! | `checked` | checks of arguments before they are sent |
+
+#[macro_use]
+mod remote_interface;
 
 mod board_requests;
+mod checked;
 mod interfaces;
 mod latest_state;
 mod link;
 mod motion_completion;
-mod motion_interfaces;
-mod motor_interfaces;
 mod options;
+mod pid_interface;
 
 use std::collections::HashSet;
 use std::sync::Arc;
 
-use yarp_devices::{
-    AmplifierControl, AxisInfo, ControlCalibration, ControlLimits, ControlMode, CurrentControl,
-    Device, DeviceError, Encoders, ImpedanceControl, InteractionMode, JointBrake, JointFault,
-    Motor, MotorEncoders, PidControl, PositionControl, PositionDirect, PwmControl,
-    RemoteCalibrator, RemoteVariables, TorqueControl, VelocityControl, VelocityDirect,
-};
+use yarp_devices::{Device, DeviceError};
 use yarp_ports::{Network, blocking};
 use yarp_wire::{Value, WireVersion};
 
@@ -160,46 +160,39 @@ impl Drop for RemoteControlBoard {
     }
 }
 
-/// Implements the interfaces that the board reports.
+/// Presents the interfaces that the board reports.
 macro_rules! interfaces {
-    ($($name:ident: $trait:ident, $word:literal;)*) => {
+    ($($method:ident: $interface:ident, $wire:tt, $words:literal $description:tt)*) => {
         impl Device for RemoteControlBoard {
-            $(fn $name(&self) -> Option<&dyn $trait> {
-                self.has($word).then_some(self as &dyn $trait)
-            })*
-
-            fn velocity_direct(&self) -> Option<&dyn VelocityDirect> {
-                let there = self.wire_version() == WireVersion::V4 && self.has("iVelocityDirect");
-                there.then_some(self as &dyn VelocityDirect)
-            }
-
-            fn joint_brake(&self) -> Option<&dyn JointBrake> {
-                let there = self.wire_version() == WireVersion::V4 && self.has("iJointBrake");
-                there.then_some(self as &dyn JointBrake)
-            }
+            $( interface! { $method $interface $wire $description } )*
         }
     };
 }
 
-interfaces! {
-    axis_info: AxisInfo, "iAxisInfo";
-    position_control: PositionControl, "iPositionControl";
-    velocity_control: VelocityControl, "iVelocityControl";
-    encoders: Encoders, "iEncodersTimed";
-    control_mode: ControlMode, "iControlMode";
-    control_limits: ControlLimits, "iControlLimits";
-    position_direct: PositionDirect, "iPositionDirect";
-    torque_control: TorqueControl, "iTorqueControl";
-    current_control: CurrentControl, "iCurrentControl";
-    pwm_control: PwmControl, "iPWMControl";
-    interaction_mode: InteractionMode, "iInteractionMode";
-    impedance_control: ImpedanceControl, "iImpedanceControl";
-    pid_control: PidControl, "iPidControl";
-    motor_encoders: MotorEncoders, "iMotorEncoders";
-    motor: Motor, "iMotor";
-    amplifier_control: AmplifierControl, "iAmplifierControl";
-    control_calibration: ControlCalibration, "iControlCalibration";
-    remote_calibrator: RemoteCalibrator, "iRemoteCalibrator";
-    remote_variables: RemoteVariables, "iRemoteVariables";
-    joint_fault: JointFault, "iJointFault";
+/// An interface; what it shares with another one (an empty name) is part of that one.
+macro_rules! interface {
+    ($method:ident $interface:ident "" $description:tt) => {};
+    ($method:ident $interface:ident $wire:tt {
+        numbers { $($(#[$n_doc:meta])* $number:ident $({ $($n_kind:tt)* })?:
+            $n_prefix:literal [$($n_word:literal)*] $n_functions:tt => $n_call:tt;)* }
+        settings { $($(#[$s_doc:meta])* $setting:ident $({ $($s_kind:tt)* })?:
+            $s_prefix:literal [$($s_word:literal)*] $s_functions:tt => $s_call:tt;)* }
+        actions { $($(#[$a_doc:meta])* $action:ident $({ $($a_kind:tt)* })?:
+            $a_prefix:literal [$($a_word:literal)*] $a_functions:tt => $a_call:tt;)* }
+        queries { $($(#[$q_doc:meta])* $query:ident $({ $($q_kind:tt)* })? -> $result:ty:
+            $q_prefix:literal [$($q_word:literal)*] $q_functions:tt => $q_call:tt;)* }
+        commands { $($(#[$c_doc:meta])* $command:ident($($field:tt)*):
+            $c_prefix:literal [$($c_word:literal)*] $c_functions:tt => $c_call:tt;)* }
+    }) => {
+        fn $method(&self) -> Option<&dyn yarp_devices::$interface> {
+            let words = [
+                $($($n_word,)*)* $($($s_word,)*)* $($($a_word,)*)* $($($q_word,)*)* $($($c_word,)*)*
+            ];
+            let old = words.iter().any(|word: &&str| !word.is_empty());
+            let there = self.has($wire) && (old || self.wire_version() == WireVersion::V4);
+            there.then_some(self)
+        }
+    };
 }
+
+yarp_devices::describe_board!(interfaces);

@@ -276,7 +276,7 @@ impl RemoteControlBoard {
         values: &[f64],
     ) -> Result<RemoteMotion<'_>, DeviceError> {
         axes.check_command(self.axes, what, values.len())?;
-        self.check_finite(axes, what, values)?;
+        axes.check_finite(self.axes, what, values)?;
         let set = Set::Values(setting, Selection::from(axes), values.to_vec());
         let link = self.link().clone();
         let number = blocking::wait(async move {

@@ -26,6 +26,15 @@ impl Selection {
         }
     }
 
+    /// The form of a word for it.
+    pub(super) fn form(&self) -> Form {
+        match self {
+            Self::One(_) => Form::One,
+            Self::Group(_) => Form::Group,
+            Self::All => Form::All,
+        }
+    }
+
     /// Appends its encoding on the wire.
     pub(super) fn write(&self, message: &mut Bottle) {
         match self {

@@ -7,8 +7,10 @@
 //! | --- | --- | --- |
 //! | `vocabulary` | the words of 3.x, and of streamed commands | all |
 //! | `axis_selection` | one joint, several, all: three spellings for each call | all |
-//! | `quantity` | the numbers that can be read and set, and their spelling in both | all |
 //! | `request` | queries and commands | |
+//! | `request_table` | what can be read and set, generated from the descriptions of the interfaces | all |
+//! | `spelling` | the words and functions of a row of the descriptions | all |
+//! | `arguments`, `results` | the types in requests and replies, and their layouts | both |
 //! | `vocab_requests` | queries and commands of 3.x | `rpc:i` |
 //! | `thrift_calls` | queries and commands of 4.0 | `nws/rpc:i` |
 //! | `reply_layout` | results of queries in the layouts of both | both |
@@ -18,34 +20,37 @@
 //! | `motion_update` | numbered motions, our own messages | `rpc:i`, `nws/rpc:i`, `async:o` |
 //! | `extended_state` | the whole state of the board, in both | `stateExt:o` |
 
+mod arguments;
 mod axis_selection;
 mod extended_state;
 mod motion_update;
 mod number_parsing;
 mod pid_messages;
-mod quantity;
 mod reply;
 mod reply_layout;
 mod request;
+mod request_table;
+mod results;
+mod spelling;
 mod streaming_command;
 mod thrift_calls;
 mod variable_value;
 mod vocab_requests;
 pub mod vocabulary;
 
+pub use arguments::SentMotorParameters;
 pub use axis_selection::{Forms, Functions, Selection, Words};
 pub use extended_state::{Field, JointData};
 pub use motion_update::{MotionEnd, MotionState, MotionUpdate, Numbered};
 pub(crate) use number_parsing::{axis, count, float, floats, integer};
-pub(crate) use pid_messages::{info as pid_info, kind_of, kind_word, read_info as read_pid_info};
-pub use quantity::{Quantity, Setting};
 pub use reply::{ProtocolVersion, Reply};
-pub(crate) use reply::{joint_type_from_value, joint_type_to_value};
-pub(crate) use reply_layout::{gains, read_flag, read_gains};
-pub use request::{Action, Get, Malformed, Query, Range, Request, Set};
+pub(crate) use reply_layout::read_flag;
+pub use request::{Get, Malformed, Request};
+pub use request_table::{Action, Quantity, Query, Set, Setting};
+pub(crate) use results::{Choices, Outcome};
+pub(crate) use spelling::Spelling;
 pub use streaming_command::{Command, StreamingCommand};
 pub(crate) use thrift_calls::FUNCTIONS;
-pub(crate) use variable_value::{read as read_variable, to_values as variable_to_values};
 
 #[cfg(test)]
 mod recorded_tests;

@@ -23,7 +23,8 @@ use yarp_devices::AxisIndex;
 use yarp_wire::{Bottle, Value, Vocab32};
 
 use super::number_parsing;
-use super::request::{Malformed, Request, Set};
+use super::request::{Malformed, Request};
+use super::request_table::Set;
 use super::vocabulary as word;
 
 const NUMBERED: Vocab32 = Vocab32::new("numb");

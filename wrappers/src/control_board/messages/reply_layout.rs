@@ -3,14 +3,15 @@
 //! A server replies with [`Item`]s, laid out as in 4.0; 3.x puts some of them into lists, and gains in another order.
 //! A client gets [`Value`]s in that same layout, from either wire version.
 
-use yarp_devices::{JointType, Pid, PidInfo};
-use yarp_wire::{Bottle, Stamp, Value, Vocab32, WireVersion};
+use yarp_devices::{Pid, VariableValue};
+use yarp_wire::{Stamp, Value, Vocab32, WireVersion};
 
-use super::axis_selection::Selection;
+use super::axis_selection::{Form, Selection};
 use super::pid_messages;
-use super::quantity::Quantity;
-use super::reply::{Reply, joint_type_to_value};
-use super::request::{Get, Query};
+use super::reply::Reply;
+use super::request::Get;
+use super::request_table::{Quantity, Query};
+use super::results::Outcome;
 use super::vocabulary as word;
 use crate::thrift::Item;
 
@@ -29,45 +30,12 @@ pub(crate) fn read_gains(value: &Value) -> Option<Pid> {
 impl Get {
     /// The results that accompany an error in 4.0, where all are present even then.
     pub(crate) fn nothing(&self) -> Vec<Item> {
-        let (question, selection) = match self {
-            Self::Values(_, Selection::One(_)) => return vec![Item::F64(0.0)],
-            Self::Values(..) => return vec![Item::F64s(Vec::new())],
-            Self::Variable(_) => return vec![Item::Bottle(Bottle::new())],
-            Self::About(question, selection) => (question, selection),
-        };
-        let one = matches!(selection, Selection::One(_));
-        let floats = |count: usize| vec![Item::F64(0.0); count];
-        match question {
-            Query::Axes | Query::Motors | Query::MotorEncoders => vec![Item::I32(0)],
-            Query::AmplifierStatus if one => vec![Item::I32(0)],
-            Query::AmplifierStatus => vec![Item::I32s(Vec::new())],
-            Query::Name => vec![Item::Text(String::new())],
-            Query::Type => vec![joint_type_to_value(JointType::Unknown)],
-            Query::MotionDone
-            | Query::PidEnabled(_)
-            | Query::CalibratorPresent
-            | Query::Braked
-            | Query::AutoBrake => vec![Item::Bool(false)],
-            Query::CalibrationDone => Vec::new(),
-            Query::Range(_) | Query::TimedPositions | Query::TimedMotorPositions => match one {
-                true => floats(2),
-                false => vec![Item::F64s(Vec::new()); 2],
-            },
-            Query::Interactions if one => vec![Item::Enum(word::UNKNOWN_TYPE.code())],
-            Query::Interactions
-            | Query::ControlModes
-            | Query::AvailableModes
-            | Query::AvailablePids => vec![Item::Enums(Vec::new())],
-            Query::Impedance => floats(2),
-            Query::ImpedanceLimits => floats(4),
-            Query::MotorParameters => floats(9),
-            Query::Pids(_) if one => vec![gains(&Pid::default())],
-            Query::PidInfo(_) if one => {
-                vec![pid_messages::info(PidInfo::default())]
-            }
-            Query::Pids(_) | Query::PidInfo(_) => vec![Item::List(Vec::new())],
-            Query::Variables => vec![Item::List(vec![Item::Bottle(Bottle::new())])],
-            Query::Fault => vec![Item::I32(0), Item::Text(String::new())],
+        match self {
+            Self::Values(_, selection) => <Vec<f64>>::nothing(selection.form() == Form::One),
+            Self::Variable(_) => <Vec<VariableValue>>::nothing(true),
+            // The code itself is the answer.
+            Self::About(Query::CalibrationDone, _) => Vec::new(),
+            Self::About(query, selection) => query.nothing(selection.form() == Form::One),
         }
     }
 

@@ -10,7 +10,7 @@
 //! Source: `StreamingMessagesParser.cpp` of YARP 3.12 and 4.0, and recorded traffic of 3.12.3 and 4.0.0.
 
 use bytes::{BufMut, Bytes, BytesMut};
-use yarp_devices::{PidKind, PidValue};
+use yarp_devices::PidKind;
 use yarp_wire::bottle::DecodeError;
 use yarp_wire::float_vector::put_float64s;
 use yarp_wire::message::{ReadObject, WireObject};
@@ -19,8 +19,8 @@ use yarp_wire::{Bottle, Limits, Value, Vocab32, WireVersion};
 use super::axis_selection::{Forms, Selection, Words};
 use super::number_parsing;
 use super::pid_messages;
-use super::quantity::Setting;
 use super::request::Malformed;
+use super::request_table::Setting;
 use super::vocabulary as word;
 
 /// The code of a list whose items carry their own.
@@ -132,12 +132,12 @@ const HEADS: [Head; 9] = [
         Words::only_all(word::POSITIONS),
     ),
     new(
-        Setting::Pid(PidKind::Position, PidValue::Offset),
+        Setting::PidOffset(PidKind::Position),
         word::STREAMED_PID_INTERFACE,
         Words::only_one(word::STREAMED_PID_OFFSET),
     ),
     new(
-        Setting::Pid(PidKind::Position, PidValue::Feedforward),
+        Setting::PidFeedforward(PidKind::Position),
         word::STREAMED_PID_INTERFACE,
         Words::only_one(word::STREAMED_PID_FEEDFORWARD),
     ),
@@ -317,7 +317,7 @@ mod tests {
             };
             assert_eq!(read(text).parse(), Ok(streamed), "{text}");
         };
-        let offset = Setting::Pid(PidKind::Torque, PidValue::Offset);
+        let offset = Setting::PidOffset(PidKind::Torque);
         check("([dpo] 1) (2.0)", Setting::DirectPosition, &one);
         check("([ipod] [dpo] 1) (2.0)", Setting::DirectPosition, &one);
         check("([dtqs]) (2.0)", Setting::Torque, &Selection::All);

@@ -1,7 +1,10 @@
+use super::super::request_table::Query;
 use super::super::vocab_requests::tests::every_request;
 use super::*;
 use bytes::{Bytes, BytesMut};
 use yarp_wire::message::{ReadObject, WireObject};
+
+const V4: yarp_wire::WireVersion = yarp_wire::WireVersion::V4;
 
 fn written(message: &Message) -> Bytes {
     let mut out = BytesMut::new();
@@ -11,30 +14,11 @@ fn written(message: &Message) -> Bytes {
 
 /// The names of all functions that are understood.
 fn functions() -> Vec<String> {
-    let spelt = Query::ALL
-        .map(|question| question.spelling().functions)
-        .into_iter()
-        .chain(Quantity::all().map(|quantity| quantity.spelling().functions))
-        .chain(Setting::all().map(|setting| setting.spelling().functions))
-        .chain(Action::ALL.map(|action| action.spelling().functions))
-        .chain([PIDS, MODES, INTERACTIONS]);
-    let lone = [
-        INTERFACES,
-        GET_VARIABLE,
-        SET_VARIABLE,
-        POSITION_LIMITS,
-        VELOCITY_LIMITS,
-        IMPEDANCE,
-        MOTOR_PARAMETERS,
-        CALIBRATE_AXIS,
-        CALIBRATION_PARAMETERS,
-        MANUAL_BRAKE,
-        AUTO_BRAKE,
-    ];
+    let spelt = Row::all().map(|row| row.spelling().functions);
     let mut names: Vec<String> = spelt
         .flat_map(|forms| [forms.one, forms.group, forms.all])
         .flatten()
-        .chain(lone)
+        .chain([INTERFACES, GET_VARIABLE])
         .map(|name| format!("{name}{SUFFIX}"))
         .collect();
     names.sort();

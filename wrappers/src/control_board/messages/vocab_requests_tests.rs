@@ -1,7 +1,12 @@
 use proptest::prelude::*;
-use yarp_devices::{MotorTorqueParameters, PidValue, VariableValue};
+use yarp_devices::{
+    AxisIndex, CalibrationParameters, Impedance, Interaction, Limits, Mode, MotorTorqueParameters,
+    VariableValue,
+};
 use yarp_wire::WireVersion;
 
+use super::super::arguments::SentMotorParameters;
+use super::super::request_table::{Quantity, Query};
 use super::*;
 
 fn parse(text: &str) -> Result<Request, Malformed> {
@@ -25,11 +30,11 @@ fn prints_what_stock_prints() {
     check("[get] [type] 1", get(Get::About(Query::Type, one.clone())));
     check(
         "[get] [llim] 1",
-        get(Get::About(Query::Range(Range::Position), one.clone())),
+        get(Get::About(Query::PositionLimits, one.clone())),
     );
     check(
         "[get] [vlim] 1",
-        get(Get::About(Query::Range(Range::Velocity), one.clone())),
+        get(Get::About(Query::VelocityLimits, one.clone())),
     );
     check(
         "[get] [dons]",
@@ -96,7 +101,7 @@ fn prints_what_stock_prints() {
     check(
         "[get] [pid] [err] [cur] 1",
         get(Get::Values(
-            Quantity::Pid(PidKind::Current, PidValue::Error),
+            Quantity::PidError(PidKind::Current),
             one.clone(),
         )),
     );
@@ -139,11 +144,7 @@ fn prints_what_stock_prints() {
     );
     check(
         "[set] [llim] 1 -10.0 10.0",
-        set(Set::Limits(
-            Range::Position,
-            1.into(),
-            Limits::new(-10.0, 10.0),
-        )),
+        set(Set::PositionLimits(1.into(), Limits::new(-10.0, 10.0))),
     );
 }
 
@@ -255,8 +256,8 @@ pub(in super::super) fn every_request() -> Vec<Request> {
         };
         let select = || selection.clone();
         all.extend(Quantity::all().map(|one| Request::Get(Get::Values(one, select()))));
-        all.extend(Query::ALL.map(|one| Request::Get(Get::About(one, select()))));
-        all.extend(Action::ALL.map(|one| Request::Set(Set::Act(one, select()))));
+        all.extend(Query::all().map(|one| Request::Get(Get::About(one, select()))));
+        all.extend(Action::all().map(|one| Request::Set(Set::Act(one, select()))));
         all.extend(
             Setting::all().map(|one| Request::Set(Set::Values(one, select(), values.clone()))),
         );
@@ -284,10 +285,13 @@ pub(in super::super) fn every_request() -> Vec<Request> {
     all.extend([
         Request::Get(Get::Variable(name())),
         Request::Set(Set::Variable(name(), value)),
-        Request::Set(Set::Limits(Range::Position, axis, Limits::new(-1.0, 1.0))),
-        Request::Set(Set::Limits(Range::Velocity, axis, Limits::new(0.0, 1.0))),
+        Request::Set(Set::PositionLimits(axis, Limits::new(-1.0, 1.0))),
+        Request::Set(Set::VelocityLimits(axis, Limits::new(0.0, 1.0))),
         Request::Set(Set::Impedance(axis, impedance)),
-        Request::Set(Set::MotorParameters(axis, parameters, 9)),
+        Request::Set(Set::MotorParameters(
+            axis,
+            SentMotorParameters::all(parameters),
+        )),
         Request::Set(Set::CalibrateAxis(axis, 3, [1.0, 2.0, 3.0])),
         Request::Set(Set::CalibrationParameters(axis, calibration)),
         Request::Set(Set::ManualBrake(axis, true)),

@@ -6,7 +6,7 @@
 //! | `command_queue` | commands that wait while the device executes an earlier one |
 //! | `submit` | submits commands through the queue, and polls the motions that they start |
 //! | `motion_tracker` | numbered motions, and their ends |
-//! | `execute_get`, `execute_set` | execute queries and commands on the device |
+//! | `execute` | calls of the device, generated from the descriptions of the interfaces |
 //! | `supported_interfaces` | the interfaces of the device |
 //! | `publisher` | the state, every period |
 //! | `deadline_monitor` | missed publish deadlines |
@@ -14,8 +14,7 @@
 
 mod command_queue;
 mod deadline_monitor;
-mod execute_get;
-mod execute_set;
+mod execute;
 mod help_text;
 mod motion_tracker;
 mod publisher;
@@ -39,7 +38,8 @@ use yarp_wire::WireVersion;
 use self::request_handler::RequestHandler;
 use super::OpenError;
 use super::messages::{Command, MotionUpdate, Numbered};
-use crate::open_ports::{close_all, open_all};
+use crate::open_ports::{close_all, open_all, request_port};
+use crate::page_request::request_of;
 use crate::periodic_thread::{PeriodicThread, check_period};
 
 /// Default interval between published states: 50 Hz, as stock.
@@ -304,24 +304,24 @@ fn announcing(board: Arc<RequestHandler>) -> PortOptions {
 
 fn answering(board: Arc<RequestHandler>) -> PortOptions {
     let answer = move |received: &mut Received| {
-        let request = received.bottle().unwrap_or_default();
+        let request = request_of(received);
         match Numbered::parse(&request) {
             Some(wanted) => board.answer_numbered(wanted, &received.from),
             None => board.answer(&request, &received.from).into_answer(),
         }
     };
-    PortOptions::new().handler(answer).input_only()
+    request_port().handler(answer).input_only()
 }
 
 fn answering_calls(board: Arc<RequestHandler>) -> PortOptions {
     let answer = move |received: &mut Received| {
-        let call = received.bottle().unwrap_or_default();
+        let call = request_of(received);
         match Numbered::parse(&call) {
             Some(wanted) => board.answer_numbered(wanted, &received.from),
             None => board.answer_call(&call, &received.from),
         }
     };
-    PortOptions::new()
+    request_port()
         .handler(answer)
         .input_only()
         .wire_version(WireVersion::V4)
@@ -335,5 +335,5 @@ fn obeying(board: Arc<RequestHandler>) -> PortOptions {
         }
         Answer::Nothing
     };
-    PortOptions::new().handler(obey).input_only()
+    request_port().handler(obey).input_only()
 }

@@ -132,17 +132,17 @@ impl Cycle {
             &mut data.motor_accelerations,
             part(|reading| reading.acceleration),
         );
-        let torques = board.torque().ok();
+        let torques = board.torque_control().ok();
         fill(
             &mut data.torques,
             torques.and_then(|torque| torque.torques(axes).ok()),
         );
-        let pwm = board.pwm().ok();
+        let pwm = board.pwm_control().ok();
         fill(
             &mut data.duty_cycles,
             pwm.and_then(|pwm| pwm.duty_cycles(axes).ok()),
         );
-        let currents = board.current().ok();
+        let currents = board.current_control().ok();
         fill(
             &mut data.currents,
             currents.and_then(|current| current.currents(axes).ok()),
@@ -152,7 +152,7 @@ impl Cycle {
             &mut data.temperatures,
             motor.and_then(|motor| motor.temperatures(axes).ok()),
         );
-        let interaction = board.interaction().ok();
+        let interaction = board.interaction_mode().ok();
         let interactions = interaction.and_then(|interaction| interaction.interactions(axes).ok());
         data.interaction_modes.valid = interactions.is_some();
         if let Some(interactions) = interactions {
@@ -162,7 +162,7 @@ impl Cycle {
 
     fn read_modes(&mut self) {
         let modes = &mut self.data.control_modes;
-        modes.valid = self.board.modes().is_ok_and(|control| {
+        modes.valid = self.board.control_mode().is_ok_and(|control| {
             control
                 .read_control_modes(Axes::All, &mut modes.values)
                 .is_ok()

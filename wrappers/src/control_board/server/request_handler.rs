@@ -6,12 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use tokio::sync::mpsc;
 
-use yarp_devices::{
-    AmplifierControl, AxisInfo, ControlCalibration, ControlLimits, ControlMode, CurrentControl,
-    Device, DeviceError, Encoders, ImpedanceControl, InteractionMode, JointBrake, JointFault,
-    MotionControl, Motor, MotorEncoders, PidControl, PositionControl, PositionDirect, PwmControl,
-    RemoteCalibrator, RemoteVariables, TorqueControl, VelocityControl, VelocityDirect,
-};
+use yarp_devices::{AxisInfo, Device, DeviceError};
 use yarp_ports::Answer;
 use yarp_wire::{Bottle, Stamp, Value, Vocab32};
 
@@ -125,8 +120,8 @@ impl RequestHandler {
             }),
             Request::Set(set) => match self.submit(set, from, false) {
                 (_, Submission::Done(outcome)) => outcome.map(|()| {
-                    if let Set::MotorParameters(_, _, count) = set {
-                        self.motor_parameters.store(*count, Ordering::Relaxed);
+                    if let Set::MotorParameters(_, sent) = set {
+                        self.motor_parameters.store(sent.count, Ordering::Relaxed);
                     }
                     Reply::ok()
                 }),
@@ -236,49 +231,9 @@ impl RequestHandler {
         *stamp
     }
 
-    /// Returns the common part of position and velocity control, from whichever exists.
-    pub(super) fn motion(&self) -> Result<&dyn MotionControl, Refusal> {
-        match self.device.position_control() {
-            Some(position) => Ok(position),
-            None => Ok(self.velocity()?),
-        }
+    pub(super) fn device(&self) -> &dyn Device {
+        self.device.as_ref()
     }
-}
-
-/// Returns the device's interface, or an error if there is none.
-macro_rules! interfaces {
-    ($($short:ident: $name:ident, $trait:ident, $words:literal;)*) => {
-        impl RequestHandler {$(
-            pub(super) fn $short(&self) -> Result<&dyn $trait, Refusal> {
-                self.device.$name().ok_or(Refusal::NoInterface($words))
-            }
-        )*}
-    };
-}
-
-interfaces! {
-    info: axis_info, AxisInfo, "axis information";
-    position: position_control, PositionControl, "position control";
-    velocity: velocity_control, VelocityControl, "velocity control";
-    encoders: encoders, Encoders, "encoders";
-    modes: control_mode, ControlMode, "control modes";
-    limits: control_limits, ControlLimits, "control limits";
-    position_direct: position_direct, PositionDirect, "direct positions";
-    velocity_direct: velocity_direct, VelocityDirect, "direct velocities";
-    torque: torque_control, TorqueControl, "torque control";
-    current: current_control, CurrentControl, "current control";
-    pwm: pwm_control, PwmControl, "duty cycles";
-    interaction: interaction_mode, InteractionMode, "interaction modes";
-    impedance: impedance_control, ImpedanceControl, "impedance control";
-    pids: pid_control, PidControl, "control loops";
-    motor_encoders: motor_encoders, MotorEncoders, "motor encoders";
-    motor: motor, Motor, "motors";
-    amplifiers: amplifier_control, AmplifierControl, "amplifiers";
-    calibration: control_calibration, ControlCalibration, "calibration";
-    calibrator: remote_calibrator, RemoteCalibrator, "calibrator";
-    variables: remote_variables, RemoteVariables, "variables";
-    faults: joint_fault, JointFault, "joint faults";
-    brakes: joint_brake, JointBrake, "brakes";
 }
 
 /// Returns the results of a query after the success code.

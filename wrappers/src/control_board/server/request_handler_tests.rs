@@ -380,7 +380,7 @@ proptest! {
             prop_assert!(reply == "[fail]" || reply.starts_with("[err"), "{} was taken", call);
             prop_assert_eq!(&targets(&board), &before, "{} moved it", call);
         }
-        prop_assert!(board.position().unwrap().motion_done(Axes::All).unwrap());
+        prop_assert!(board.position_control().unwrap().motion_done(Axes::All).unwrap());
     }
 
     #[test]
@@ -417,13 +417,13 @@ proptest! {
             prop_assert!(reply.is_refusal(), "{} was taken", message);
             prop_assert_eq!(&targets(&board), &before, "{} moved it", message);
         }
-        prop_assert!(board.position().unwrap().motion_done(Axes::All).unwrap());
+        prop_assert!(board.position_control().unwrap().motion_done(Axes::All).unwrap());
     }
 }
 
 fn targets(board: &RequestHandler) -> Vec<f64> {
     board
-        .position()
+        .position_control()
         .expect("the arm moves")
         .target_positions(Axes::All)
         .expect("it has targets")

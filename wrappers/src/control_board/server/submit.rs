@@ -241,11 +241,11 @@ impl RequestHandler {
     }
 
     fn modes_of(&self, axes: Axes<'_>) -> Option<Vec<Mode>> {
-        self.modes().ok()?.control_modes(axes).ok()
+        self.control_mode().ok()?.control_modes(axes).ok()
     }
 
     fn targets_of(&self, axes: Axes<'_>) -> Option<Vec<f64>> {
-        self.position().ok()?.target_positions(axes).ok()
+        self.position_control().ok()?.target_positions(axes).ok()
     }
 
     /// Watches over motions until that ends. Blocks.
@@ -267,7 +267,7 @@ impl RequestHandler {
     fn end_of(&self, motion: &Motion) -> Option<MotionEnd> {
         let axes = Axes::Group(&motion.axes);
         let failed = |reason: String| Some(MotionEnd::Failed { reason });
-        let done = match self.position().map(|board| board.motion_done(axes)) {
+        let done = match self.position_control().map(|board| board.motion_done(axes)) {
             Ok(Ok(done)) => done,
             Ok(Err(error)) => return failed(error.to_string()),
             Err(error) => return failed(error.to_string()),
@@ -290,7 +290,7 @@ impl RequestHandler {
     }
 
     fn fault_text(&self, axis: AxisIndex, mode: Mode) -> String {
-        let fault = self.faults().ok();
+        let fault = self.joint_fault().ok();
         let fault = fault.and_then(|faults| faults.last_fault(axis).ok());
         match fault.filter(|fault| fault.code != 0) {
             Some(fault) => format!("joint {axis} is in {mode} mode: {}", fault.message),

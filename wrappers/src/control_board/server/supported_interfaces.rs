@@ -2,41 +2,45 @@
 
 use yarp_devices::Device;
 
+use super::execute;
 use crate::thrift::Item;
 
 /// A map from the names of the interfaces to whether the device has them, in the order of stock.
 pub(super) fn list(device: &dyn Device) -> Item {
-    let entries = [
-        ("iAmplifierControl", device.amplifier_control().is_some()),
-        ("iAxisInfo", device.axis_info().is_some()),
-        (
-            "iControlCalibration",
-            device.control_calibration().is_some(),
-        ),
-        ("iControlLimits", device.control_limits().is_some()),
-        ("iControlMode", device.control_mode().is_some()),
-        ("iCurrentControl", device.current_control().is_some()),
-        ("iEncodersTimed", device.encoders().is_some()),
-        ("iImpedanceControl", device.impedance_control().is_some()),
-        ("iInteractionMode", device.interaction_mode().is_some()),
-        ("iJointBrake", device.joint_brake().is_some()),
-        ("iJointFault", device.joint_fault().is_some()),
-        ("iMotor", device.motor().is_some()),
-        ("iMotorEncoders", device.motor_encoders().is_some()),
-        ("iPWMControl", device.pwm_control().is_some()),
-        ("iPidControl", device.pid_control().is_some()),
-        ("iPositionControl", device.position_control().is_some()),
-        ("iPositionDirect", device.position_direct().is_some()),
-        // Times come with encoder readings; nothing else has a time of its own.
-        ("iPreciselyTimed", false),
-        ("iRemoteCalibrator", device.remote_calibrator().is_some()),
-        ("iRemoteVariables", device.remote_variables().is_some()),
-        ("iTorqueControl", device.torque_control().is_some()),
-        ("iVelocityControl", device.velocity_control().is_some()),
-        ("iVelocityDirect", device.velocity_direct().is_some()),
-    ];
+    let mut entries = execute::interfaces(device);
+    entries.retain(|(name, _)| !name.is_empty());
+    // Times come with encoder readings; nothing else has a time of its own.
+    entries.push(("iPreciselyTimed", false));
+    entries.sort_unstable();
     let entry = |(name, there): (&str, bool)| {
         Item::List(vec![Item::Text(name.to_owned()), Item::Bool(there)])
     };
-    Item::List(entries.map(entry).to_vec())
+    Item::List(entries.into_iter().map(entry).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use yarp_devices::wam::SimulatedWam;
+
+    /// The names and their order in the answer of a stock 4.0.0 board.
+    #[test]
+    fn the_interfaces_are_those_of_stock_in_its_order() {
+        let Item::List(entries) = list(&SimulatedWam::new()) else {
+            panic!("a map is a list");
+        };
+        let name = |entry: &Item| match entry {
+            Item::List(pair) => match &pair[0] {
+                Item::Text(name) => name.clone(),
+                other => panic!("{other:?}"),
+            },
+            other => panic!("{other:?}"),
+        };
+        let names: Vec<String> = entries.iter().map(name).collect();
+        let stock = "iAmplifierControl iAxisInfo iControlCalibration iControlLimits iControlMode iCurrentControl \
+            iEncodersTimed iImpedanceControl iInteractionMode iJointBrake iJointFault iMotor iMotorEncoders iPWMControl \
+            iPidControl iPositionControl iPositionDirect iPreciselyTimed iRemoteCalibrator iRemoteVariables \
+            iTorqueControl iVelocityControl iVelocityDirect";
+        assert_eq!(names.join(" "), stock);
+    }
 }

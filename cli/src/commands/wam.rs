@@ -1,0 +1,199 @@
+//! `yarp wam`: what a person does beside a WAM arm.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Duration;
+
+use yarp_devices::wam::can::ZeroCalibration;
+use yarp_devices::{Axes, Device, DeviceError, Encoders, RemoteVariables, VariableValue};
+use yarp_ports::{Network, PortError};
+use yarp_wire::PortName;
+use yarp_wrappers::{RemoteControlBoard, RemoteControlBoardOptions};
+
+use crate::error::{Failure, Result};
+use crate::network_access;
+use crate::stdin_lines::Lines;
+
+/// Timeout of a confirmation: the driver wakes and checks all pucks meanwhile.
+const CONFIRMATION_TIMEOUT: Duration = Duration::from_secs(40);
+/// Variables of the driver.
+const CONFIRM_HOME: &str = "confirm_home";
+const ZERO_ANGLES: &str = "zero_angles";
+const STATUS: &str = "status";
+/// Answer that confirms.
+const YES: &str = "yes";
+
+const INSTRUCTIONS: &str = "
+The position of the arm is not known. Bring it into its home pose by hand:
+
+  1. Nobody but you is within reach of the arm. The pendant is in your hand.
+  2. Release the red button if it is pressed, and press Shift and Idle.
+  3. Fold the arm: joint 1 (base) and joint 3 (upper arm) straight ahead, joint 2 (shoulder) on its
+     stop at the back, joint 4 (elbow) folded onto its stop, the wrist straight.
+  4. Look at each joint once more. A wrong confirmation makes the arm swing when it is activated.
+";
+
+/// tell a WAM arm on its CAN bus where it is
+///
+/// Things that a person does beside a WAM arm.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    #[command(subcommand)]
+    task: Task,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Task {
+    /// Confirm that the arm is folded in its home pose, step by step
+    ///
+    /// Connects to the program that drives the arm, explains how to fold it, asks, and has the driver tell the pucks where
+    /// they are. Nothing moves: the arm is activated with the pendant afterwards.
+    Home(HomeArgs),
+    /// Print the state of the arm
+    Status(BoardArgs),
+}
+
+#[derive(Debug, clap::Args)]
+struct BoardArgs {
+    /// Prefix of the names of the arm's ports
+    #[arg(long, value_name = "PREFIX", default_value = "/wam")]
+    name: String,
+}
+
+#[derive(Debug, clap::Args)]
+struct HomeArgs {
+    #[command(flatten)]
+    board: BoardArgs,
+    /// Correct the folded pose by the angles of the rotors in this zerocal.conf of libbarrett
+    #[arg(long, value_name = "FILE")]
+    zero_calibration: Option<PathBuf>,
+}
+
+pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
+    match args.task {
+        Task::Home(args) => home(args, out).await,
+        Task::Status(args) => {
+            let board = connect(args.name).await?;
+            let status = variable(&board, STATUS).await?;
+            writeln!(out, "{}", text(&status))?;
+            Ok(ExitCode::SUCCESS)
+        }
+    }
+}
+
+/// Connects to the program that drives the arm.
+async fn connect(name: String) -> Result<std::sync::Arc<RemoteControlBoard>> {
+    let remote: PortName = name.parse().map_err(PortError::from)?;
+    let network: Network = network_access::network()?;
+    let local = format!("{remote}/attendant-{}", std::process::id());
+    let options =
+        RemoteControlBoardOptions::new(remote.to_string(), local).rpc_timeout(CONFIRMATION_TIMEOUT);
+    let opened = blocking(move || RemoteControlBoard::open(&network, options)).await;
+    Ok(std::sync::Arc::new(opened?))
+}
+
+async fn home(args: HomeArgs, out: &mut dyn Write) -> Result<ExitCode> {
+    let angles = match &args.zero_calibration {
+        Some(path) => zero_angles(path)?,
+        None => None,
+    };
+    let board = connect(args.board.name).await?;
+    if variable(&board, CONFIRM_HOME).await? == [VariableValue::Integer(1)] {
+        writeln!(
+            out,
+            "The arm knows its position: there is nothing to confirm."
+        )?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    let status = variable(&board, STATUS).await?;
+    writeln!(out, "{}\n{INSTRUCTIONS}", text(&status))?;
+    writeln!(
+        out,
+        "Is the arm folded in its home pose? Type {YES} to confirm."
+    )?;
+    out.flush()?;
+    let answer = Lines::open().next().await.unwrap_or_default();
+    if answer.trim() != YES {
+        writeln!(out, "Not confirmed. The arm stays unreachable.")?;
+        return Ok(ExitCode::FAILURE);
+    }
+    let theirs = board.clone();
+    blocking(move || confirm(&theirs, angles)).await?;
+    writeln!(
+        out,
+        "The arm is at home. Press Shift and Activate on the pendant: it holds its position then."
+    )?;
+    let board = board.clone();
+    let readings = blocking(move || board.encoder_readings(Axes::All)).await;
+    if let Ok(readings) = readings {
+        let joints: Vec<_> = readings
+            .iter()
+            .map(|joint| format!("{:.1}", joint.position))
+            .collect();
+        writeln!(out, "Joints, degrees: {}", joints.join(" "))?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Reads the angles of a calibration, whose home pose has to be that of the driver.
+fn zero_angles(path: &Path) -> Result<Option<[f64; 7]>> {
+    let refused = |error: &dyn std::fmt::Display| {
+        let problem = format!("{}: {error}", path.display());
+        Failure::ArmFile(std::io::Error::new(
+            std::io::ErrorKind::InvalidData,
+            problem,
+        ))
+    };
+    let found = ZeroCalibration::read(path).map_err(|error| refused(&error))?;
+    let standard = yarp_devices::wam::WamModel::<7>::new().home;
+    if found
+        .home
+        .is_some_and(|home| home != <[f64; 7]>::from(standard))
+    {
+        return Err(refused(
+            &"it has a home pose of its own, with which the driver must be started (--zero-calibration of yarp up)",
+        ));
+    }
+    Ok(found.zero_angles)
+}
+
+fn confirm(
+    board: &RemoteControlBoard,
+    angles: Option<[f64; 7]>,
+) -> std::result::Result<(), DeviceError> {
+    if let Some(angles) = angles {
+        board.set_variable(ZERO_ANGLES, &angles.map(VariableValue::Number))?;
+    }
+    board.set_variable(CONFIRM_HOME, &[VariableValue::Integer(1)])
+}
+
+async fn variable(
+    board: &std::sync::Arc<RemoteControlBoard>,
+    name: &'static str,
+) -> Result<Vec<VariableValue>> {
+    let board = board.clone();
+    let told = blocking(move || match board.remote_variables() {
+        Some(variables) => variables.variable(name),
+        None => Err(DeviceError::NotSupported {
+            what: "a variable of the arm".to_owned(),
+        }),
+    });
+    Ok(told.await?)
+}
+
+fn text(value: &[VariableValue]) -> String {
+    let words = value.iter().map(|part| match part {
+        VariableValue::Text(text) => text.clone(),
+        other => format!("{other:?}"),
+    });
+    words.collect::<Vec<_>>().join(" ")
+}
+
+/// Runs calls of a device on a thread that may block.
+async fn blocking<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> T {
+    match tokio::task::spawn_blocking(work).await {
+        Ok(done) => done,
+        Err(panicked) => std::panic::resume_unwind(panicked.into_panic()),
+    }
+}

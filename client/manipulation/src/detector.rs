@@ -1,0 +1,48 @@
+//! Sources of objects.
+
+use crate::item::Item;
+
+/// An error of a detection.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum DetectError {
+    /// The source delivers nothing new.
+    #[error(
+        "the {detector} detector got nothing new from {peer} for {seconds:.1} s; check that it runs and is connected"
+    )]
+    Stale {
+        /// Name of the detector.
+        detector: &'static str,
+        /// Name of the port or file.
+        peer: String,
+        /// Age of the newest data, s.
+        seconds: f64,
+    },
+    /// The camera is not where it was when it was calibrated.
+    #[error(
+        "the camera has moved by {pixels:.1} pixels since its calibration; calibrate it again with `yarp calibrate`"
+    )]
+    CameraMoved {
+        /// Displacement of the reference marks, pixels.
+        pixels: f64,
+    },
+    /// The detection failed otherwise.
+    #[error("the {detector} detector failed: {source}")]
+    Failed {
+        /// Name of the detector.
+        detector: &'static str,
+        /// Why.
+        source: Box<dyn std::error::Error + Send + Sync>,
+    },
+}
+
+/// A source of the objects on the table: label, class, shape with size, and pose.
+pub trait Detector {
+    /// Returns the name for reports: a claim about objects says which detector made it.
+    fn name(&self) -> &'static str;
+
+    /// Returns the objects on the table now.
+    ///
+    /// Errors: [`DetectError`]; then nothing is known about the table.
+    fn detect(&mut self) -> Result<Vec<Item>, DetectError>;
+}

@@ -1,0 +1,286 @@
+//! Grasps from above, per shape.
+//!
+//! The hand points down. With the frame of the object as in section 6.3.3 of the thesis (y along its longest side, z up) the
+//! hand's x goes on the object's y and z points down: rows of `R_g` are (0 1 0), (1 0 0), (0 0 -1). F3 comes to the middle
+//! of the longest side.
+//!
+//! | shape | spread | fingers |
+//! | --- | --- | --- |
+//! | cuboid | 0 | F3 opposite F1 and F2, across the shorter side |
+//! | prism | 0 to 650 counts, by its side | one finger in the middle of each side |
+//! | cylinder | 300 to 850 counts, by its radius | three fingers touch at equal angles |
+//!
+//! F1 and F2 turn about axes 25 mm beside the middle of the hand. With a spread, the middle of the object is therefore not in
+//! the middle of the hand, so that all fingers touch it at the same time.
+
+mod fingers;
+
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+use nalgebra::{Matrix3, Rotation3, Vector3};
+use yarp_devices::hand::FingerJoints;
+use yarp_devices::kinematics::Pose;
+
+use crate::item::{Item, ItemShape};
+
+pub(crate) use fingers::finger_joints;
+use fingers::{FINGER_STOP, Reach, SPREAD_COUNTS, TIP_RADIUS, reach};
+
+/// Angle between the place that F1 touches and the one opposite F3, when the fingers are equally far from each other, rad.
+const EQUAL_ANGLE: f64 = std::f64::consts::FRAC_PI_3;
+/// Motion of the fingers after the first contact, until all of them press, counts.
+const SQUEEZE: i32 = 350;
+/// Distance of the axes about which F1 and F2 spread from the middle of the hand, m.
+const PALM_HALF: f64 = 0.025;
+/// Number of directions that are tried around a cylinder.
+const DIRECTIONS: u32 = 12;
+/// Height of the palm's face above the frame of the hand, with the roundness of the palm, m.
+const PALM_DEPTH: f64 = 0.078;
+
+/// Options of grasps.
+#[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
+pub struct GraspOptions {
+    /// Height of the table's surface, m.
+    pub surface: f64,
+    /// Distance of the fingertips from the table at their lowest point, m; 2 mm by default.
+    pub table_clearance: f64,
+    /// Distance of the palm from the top of the object, m; 12 mm by default.
+    pub palm_clearance: f64,
+    /// Distance between the open fingertips and the object, m; 18 mm by default.
+    pub opening: f64,
+}
+
+impl Default for GraspOptions {
+    fn default() -> Self {
+        Self {
+            surface: -0.05,
+            table_clearance: 0.002,
+            palm_clearance: 0.012,
+            opening: 0.018,
+        }
+    }
+}
+
+/// A grasp: the pose of the hand, and the commands of its motors.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Grasp {
+    /// Pose of the hand's frame while it grasps.
+    pub hand: Pose,
+    /// Spread of F1 and F2, counts.
+    pub spread: i32,
+    /// Position of the fingers before the grasp, counts.
+    pub open: i32,
+    /// Position of the fingers where they touch the object, counts.
+    pub contact: i32,
+}
+
+impl Grasp {
+    /// Returns the joints of the fingers while they are open for the grasp.
+    pub fn fingers(&self) -> [FingerJoints; 3] {
+        [finger_joints(f64::from(self.open), f64::from(self.spread)); 3]
+    }
+}
+
+/// Returns the grasps of an object, the preferred ones first; none if it does not fit into the hand.
+pub fn grasps(item: &Item, options: &GraspOptions) -> Vec<Grasp> {
+    let yaw = item.yaw();
+    // Directions of F3 seen from the object's middle, and how the fingers meet the object.
+    let mut wanted: Vec<(f64, Meeting)> = Vec::new();
+    match item.shape {
+        ItemShape::Cuboid { size } => {
+            for (turn, half) in [
+                (0.0, size[0] / 2.0),
+                (PI, size[0] / 2.0),
+                (FRAC_PI_2, size[1] / 2.0),
+                (-FRAC_PI_2, size[1] / 2.0),
+            ] {
+                wanted.push((yaw + turn, Meeting::opposed(half)));
+            }
+        }
+        ItemShape::Prism { side, .. } => {
+            // Each side is this far from the middle; the first one is at negative x.
+            let apothem = side / (2.0 * 3.0_f64.sqrt());
+            for side in 0..3 {
+                let direction = yaw + PI + TAU * f64::from(side) / 3.0;
+                wanted.push((direction, Meeting::of_circle(apothem)));
+            }
+        }
+        ItemShape::Cylinder { radius, .. } => {
+            for step in 0..DIRECTIONS {
+                let direction = TAU * f64::from(step) / f64::from(DIRECTIONS);
+                wanted.push((direction, Meeting::of_circle(radius)));
+            }
+        }
+    }
+    wanted
+        .into_iter()
+        .filter_map(|(direction, meeting)| grasp(item, options, direction, meeting))
+        .collect()
+}
+
+/// How three fingers meet an object.
+#[derive(Clone, Copy, Debug)]
+struct Meeting {
+    /// Distance of the fingers' inner sides from their own axes in the middle of the hand, m.
+    inner: f64,
+    /// Place of the object's middle along the hand's y axis, m.
+    shift: f64,
+    /// Spread, counts.
+    spread: i32,
+}
+
+impl Meeting {
+    /// F3 opposite F1 and F2, which press on parallel sides.
+    fn opposed(half: f64) -> Self {
+        Self {
+            inner: half,
+            shift: 0.0,
+            spread: 0,
+        }
+    }
+
+    /// All fingers touch a circle at equal angles: a cylinder, or the circle inside a triangle.
+    ///
+    /// With `D` the distance of a fingertip's middle from that of the circle, `ρ` from its finger's axis and `s` the spread:
+    /// `PALM_HALF + ρ sin(s) = D sin(60°)` and `ρ (1 + cos(s)) = 1.5 D`.
+    fn of_circle(radius: f64) -> Self {
+        let distance = radius + TIP_RADIUS;
+        let aside = (distance * EQUAL_ANGLE.sin() - PALM_HALF).max(0.0);
+        let spread = 2.0 * (aside / (1.5 * distance)).atan();
+        let tip = 1.5 * distance / (1.0 + spread.cos());
+        Self {
+            inner: tip - TIP_RADIUS,
+            shift: tip - distance,
+            spread: (spread.to_degrees() * SPREAD_COUNTS).round() as i32,
+        }
+    }
+}
+
+/// Returns the grasp with F3 on this side of an object.
+fn grasp(item: &Item, options: &GraspOptions, direction: f64, meeting: Meeting) -> Option<Grasp> {
+    let contact = counts_at(meeting.inner)?;
+    let open = counts_at(meeting.inner + options.opening);
+    let open = open.unwrap_or(0).min(contact);
+    let surface = options.surface;
+    // The tips go down while the fingers close; the palm stays above the object.
+    let lowest = deepest(open, contact + SQUEEZE) + TIP_RADIUS;
+    let by_tips = surface + options.table_clearance + lowest;
+    let by_palm = item.top() + options.palm_clearance + PALM_DEPTH;
+    let height = by_tips.max(by_palm);
+    // The tips must touch the object, not the air above it.
+    let tip = height - reach(f64::from(contact)).depth;
+    if tip > item.top() {
+        return None;
+    }
+    let middle = item.pose.translation.vector;
+    let (sine, cosine) = direction.sin_cos();
+    // Columns: x, y and z of the hand.
+    let rotation = Matrix3::new(-sine, cosine, 0.0, cosine, sine, 0.0, 0.0, 0.0, -1.0);
+    let place = Vector3::new(
+        middle.x - meeting.shift * cosine,
+        middle.y - meeting.shift * sine,
+        height,
+    );
+    let hand = Pose::from_parts(place.into(), Rotation3::from_matrix_unchecked(rotation));
+    Some(Grasp {
+        hand,
+        spread: meeting.spread,
+        open,
+        contact,
+    })
+}
+
+/// Returns the largest distance of a fingertip from the hand's frame along z while the fingers close, m.
+fn deepest(open: i32, contact: i32) -> f64 {
+    let steps = 20;
+    let counts = |step: i32| f64::from(open + (contact - open) * step / steps);
+    let depths = (0..=steps).map(|step| reach(counts(step)).depth);
+    depths.fold(0.0, f64::max)
+}
+
+/// Returns the position of the fingers at which their inner side is this far from the middle, counts.
+fn counts_at(half: f64) -> Option<i32> {
+    let inner = |counts: i32| {
+        let Reach { inner, .. } = reach(f64::from(counts));
+        inner
+    };
+    if inner(0) < half {
+        return None;
+    }
+    let (mut low, mut high) = (0, FINGER_STOP);
+    while high - low > 10 {
+        let middle = (low + high) / 2;
+        match inner(middle) >= half {
+            true => low = middle,
+            false => high = middle,
+        }
+    }
+    Some(low)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::item::Class;
+
+    fn item(shape: ItemShape, yaw: f64) -> Item {
+        let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), yaw);
+        let place = Vector3::new(0.5, 0.1, -0.05 + shape.height() / 2.0);
+        Item {
+            id: 1,
+            label: "test".into(),
+            class: Class::Polygon,
+            shape,
+            pose: Pose::from_parts(place.into(), turn),
+        }
+    }
+
+    #[test]
+    fn the_first_grasp_of_a_box_is_that_of_the_thesis() {
+        let cuboid = item(
+            ItemShape::Cuboid {
+                size: [0.05, 0.10, 0.08],
+            },
+            0.4,
+        );
+        let first = &grasps(&cuboid, &GraspOptions::default())[0];
+        let expected = Matrix3::new(0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, -1.0);
+        let relative = cuboid.pose.rotation.inverse() * first.hand.rotation;
+        assert!((relative.matrix() - expected).norm() < 1e-9, "{relative}");
+        assert_eq!(first.spread, 0);
+        assert!(first.open < first.contact);
+    }
+
+    #[test]
+    fn every_shape_of_the_table_has_grasps_and_a_wide_one_has_none() {
+        let count = |shape| grasps(&item(shape, 0.2), &GraspOptions::default()).len();
+        assert_eq!(
+            count(ItemShape::Cuboid {
+                size: [0.04, 0.05, 0.03]
+            }),
+            4
+        );
+        assert_eq!(
+            count(ItemShape::Prism {
+                side: 0.06,
+                height: 0.04
+            }),
+            3
+        );
+        for (radius, height) in [(0.03, 0.08), (0.0425, 0.15), (0.1, 0.015), (0.09, 0.025)] {
+            assert_eq!(
+                count(ItemShape::Cylinder { radius, height }),
+                12,
+                "{radius}"
+            );
+        }
+        assert_eq!(
+            count(ItemShape::Cylinder {
+                radius: 0.2,
+                height: 0.02
+            }),
+            0
+        );
+    }
+}

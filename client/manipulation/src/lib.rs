@@ -1,0 +1,38 @@
+//! Picking and placing objects with an arm and a hand on the network.
+//!
+//! | module | content |
+//! | --- | --- |
+//! | `item`, `detector` | [`Item`]: an object to grasp; [`Detector`]: where objects come from |
+//! | `grasp/` | [`Grasp`]: hand pose and finger openings per shape, from the kinematics of the fingers |
+//! | `posture` | [`PostureSolver`]: inverse kinematics that prefers low gravity torques |
+//! | `workcell` | [`Workcell`]: the calls of arm and hand that the steps need |
+//! | `remote` | [`RemoteWorkcell`]: arm and hand on the network |
+//! | `surroundings` | [`Surroundings`]: table, baskets and objects as obstacles |
+//! | `stop` | [`Stop`]: finish the current object, or halt at once |
+//! | `picker/` | [`Picker`]: pre-grasp, approach, grasp, verification, lift, transport, release |
+//! | `tidy` | [`tidy`](tidy()): objects into the baskets of their classes |
+//!
+//! Units are metres, **radians** and seconds; poses are in the base frame of the arm. The frame of the hand is that of the
+//! tool plate, frame 7 of the arm: z out of the palm, F3 at positive y.
+
+mod detector;
+mod grasp;
+mod item;
+mod picker;
+mod posture;
+mod remote;
+mod stop;
+mod surroundings;
+mod tidy;
+mod workcell;
+
+pub use detector::{DetectError, Detector};
+pub use grasp::{Grasp, GraspOptions, grasps};
+pub use item::{Class, Item, ItemShape};
+pub use picker::{PickError, Picker, PickerOptions, Step};
+pub use posture::{PostureError, PostureSolver};
+pub use remote::RemoteWorkcell;
+pub use stop::{Stop, StopRequest};
+pub use surroundings::{Container, Surroundings};
+pub use tidy::{TidyError, TidyOptions, TidyReport, tidy};
+pub use workcell::{Workcell, WorkcellError};

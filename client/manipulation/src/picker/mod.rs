@@ -1,0 +1,374 @@
+//! Picking one object and placing it: the steps, their failures and what is done about them.
+//!
+//! | step | failure | recovery |
+//! | --- | --- | --- |
+//! | plan | no grasp fits, out of reach, no path | nothing has moved; the next grasp, then the next object |
+//! | pre-grasp, approach | the arm does not follow | it holds where it is, the error reports the joint |
+//! | grasp, verify | the fingers closed on nothing | open, back up; the object is detected again and tried once more |
+//! | transport | no free path to the container | put the object back where it was |
+//! | release | the hand does not open | the arm holds above the container, the object stays held |
+//! | any | stop, emergency stop, a device is gone | the arm holds, the hand keeps its grip |
+
+mod motion;
+mod plan;
+
+use yarp_devices::kinematics::Joints;
+use yarp_devices::wam::WamModel;
+use yarp_planning::PlanError;
+
+use crate::grasp::{Grasp, GraspOptions};
+use crate::item::Item;
+use crate::posture::{PostureError, PostureSolver};
+use crate::stop::{Stop, StopRequest};
+use crate::surroundings::{Container, Surroundings};
+use crate::workcell::{Workcell, WorkcellError};
+
+/// A step of picking and placing.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+pub enum Step {
+    /// Nothing has moved yet.
+    Plan,
+    /// To a place above the object.
+    PreGrasp,
+    /// Down to the object.
+    Approach,
+    /// Closing the fingers.
+    Grasp,
+    /// Up with the object.
+    Lift,
+    /// To the container.
+    Transport,
+    /// Opening the fingers.
+    Release,
+}
+
+impl std::fmt::Display for Step {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Plan => "plan",
+            Self::PreGrasp => "pre-grasp",
+            Self::Approach => "approach",
+            Self::Grasp => "grasp",
+            Self::Lift => "lift",
+            Self::Transport => "transport",
+            Self::Release => "release",
+        })
+    }
+}
+
+/// An error of picking and placing.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum PickError {
+    /// No grasp fits the object's shape.
+    #[error("no grasp fits {item}: it is too wide, or too low for the fingers")]
+    NoGrasp {
+        /// Label of the object.
+        item: String,
+    },
+    /// No grasp can be reached without collision.
+    #[error("none of {count} grasps of {item} is reachable; the last one failed: {last}")]
+    Unreachable {
+        /// Label of the object.
+        item: String,
+        /// Number of grasps.
+        count: usize,
+        /// The last failure.
+        last: PlanFailure,
+    },
+    /// No place above the container can be reached.
+    #[error("{step}: {source}")]
+    Plan {
+        /// The step.
+        step: Step,
+        /// Why.
+        source: PlanFailure,
+    },
+    /// The fingers closed on nothing; they are open again, and the arm is back above.
+    #[error("the fingers closed on nothing at {item}")]
+    Missed {
+        /// Label of the object.
+        item: String,
+    },
+    /// The arm does not follow; it holds where it is.
+    #[error(
+        "{step}: joint {joint} is {error:.3} rad away from its set point; something blocks the arm"
+    )]
+    Blocked {
+        /// The step.
+        step: Step,
+        /// Joint, counted from 0.
+        joint: usize,
+        /// Distance from the set point, rad.
+        error: f64,
+    },
+    /// A stop was requested: the arm holds, the hand keeps its grip.
+    #[error("stopped during {step}")]
+    Stopped {
+        /// The step.
+        step: Step,
+    },
+    /// A device failed; the arm was told to hold.
+    #[error("{step}: {source}")]
+    Workcell {
+        /// The step.
+        step: Step,
+        /// The failed call.
+        source: WorkcellError,
+    },
+}
+
+/// A failure of planning.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum PlanFailure {
+    /// No posture.
+    #[error(transparent)]
+    Posture(#[from] PostureError),
+    /// No path.
+    #[error(transparent)]
+    Path(#[from] PlanError),
+    /// The arm cannot follow the straight line of the approach, or would collide on it.
+    #[error("no straight approach")]
+    NoLine,
+}
+
+/// Options of a [`Picker`].
+#[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
+pub struct PickerOptions {
+    /// Distances of fingers and palm.
+    pub grasp: GraspOptions,
+    /// Interval of set points, s of the robot; 20 ms by default.
+    pub interval: f64,
+    /// Maximum speed of elbow and wrist, m/s; 0.7 by default, below the fault of the safety module at 1.0.
+    pub max_speed: f64,
+    /// Maximum joint speed, rad/s; 1 by default.
+    pub joint_speed: f64,
+    /// Maximum joint acceleration, rad/s²; 2 by default.
+    pub joint_acceleration: f64,
+    /// Difference between set point and measured angle at which the arm counts as blocked, rad; 0.25 by default.
+    pub max_tracking_error: f64,
+    /// Seed of the planner.
+    pub seed: u64,
+}
+
+impl Default for PickerOptions {
+    fn default() -> Self {
+        Self {
+            grasp: GraspOptions::default(),
+            interval: 0.02,
+            max_speed: 0.7,
+            joint_speed: 1.0,
+            joint_acceleration: 2.0,
+            max_tracking_error: 0.25,
+            seed: 1,
+        }
+    }
+}
+
+/// Motion of the fingers beyond the expected contact, counts: grip for 2 mm that the object may be elsewhere.
+///
+/// Fingers that close until they stall go on curling below a light object and turn it.
+const GRIP: i32 = 500;
+/// Position below which the outer links are steep at the contact and cannot curl below the object, and the grip then, counts.
+const STEEP_CONTACT: i32 = 6000;
+const STEEP_GRIP: i32 = 1500;
+/// Posture near home with the elbow a little open, and the distance within which the arm counts as at home, rad.
+const UNFOLDED: [f64; 7] = [0.0, -1.9, 0.0, 2.7, 0.0, 0.0, 0.0];
+const AT_HOME: f64 = 0.2;
+/// Time for which the fingers settle after closing and opening, s.
+const GRIP_TIME: f64 = 0.25;
+
+/// Picks and places objects with one arm and hand.
+#[derive(Debug)]
+pub struct Picker<W> {
+    cell: W,
+    model: WamModel<7>,
+    solver: PostureSolver,
+    surroundings: Surroundings,
+    options: PickerOptions,
+    stop: Stop,
+    /// Posture that the arm was sent to last, without correction.
+    at: Joints<7>,
+    /// Correction of the set point that brings the arm there, rad.
+    correction: Joints<7>,
+    /// Position of the spread, counts.
+    spread: i32,
+    plans: u64,
+}
+
+impl<W: Workcell> Picker<W> {
+    /// Returns a picker for an arm whose model includes the hand as a load.
+    ///
+    /// Errors: [`PickError::Workcell`] if arm or hand are not ready.
+    pub fn new(
+        mut cell: W,
+        model: WamModel<7>,
+        surroundings: Surroundings,
+        options: PickerOptions,
+        stop: Stop,
+    ) -> Result<Self, PickError> {
+        let step = Step::Plan;
+        let failed = |source| PickError::Workcell { step, source };
+        cell.prepare().map_err(failed)?;
+        // Encoders read a little beyond a limit at which the arm rests.
+        let at = model.chain.clamp(&cell.joints().map_err(failed)?);
+        let spread = cell.fingers().map_err(failed)?[3] as i32;
+        let mut options = options;
+        options.grasp.surface = surroundings.surface;
+        Ok(Self {
+            solver: PostureSolver::new(&model),
+            cell,
+            model,
+            surroundings,
+            options,
+            stop,
+            at,
+            correction: Joints::<7>::zeros(),
+            spread,
+            plans: 0,
+        })
+    }
+
+    /// Returns arm and hand.
+    pub fn cell(&mut self) -> &mut W {
+        &mut self.cell
+    }
+
+    /// Returns the stop button.
+    pub fn stop(&self) -> &Stop {
+        &self.stop
+    }
+
+    /// Returns table and containers.
+    pub fn surroundings(&self) -> &Surroundings {
+        &self.surroundings
+    }
+
+    /// Picks `item` and drops it into `container`, at this distance from its middle, m.
+    ///
+    /// `others` are the other objects on the table. `first` skips grasps: 0 begins with the preferred one.
+    ///
+    /// Errors: [`PickError`].
+    pub fn pick_and_place(
+        &mut self,
+        item: &Item,
+        others: &[Item],
+        container: &Container,
+        offset: [f64; 2],
+        first: usize,
+    ) -> Result<(), PickError> {
+        let outcome = self.try_pick_and_place(item, others, container, offset, first);
+        if let Err(
+            PickError::Workcell { .. } | PickError::Stopped { .. } | PickError::Blocked { .. },
+        ) = &outcome
+        {
+            // The first error is the one to report.
+            let _ = self.cell.hold();
+        }
+        outcome
+    }
+
+    fn try_pick_and_place(
+        &mut self,
+        item: &Item,
+        others: &[Item],
+        container: &Container,
+        offset: [f64; 2],
+        first: usize,
+    ) -> Result<(), PickError> {
+        self.leave_home()?;
+        let plan = self.plan_pick(item, others, first)?;
+        self.shape_hand(&plan.grasp)?;
+        let approach = self.plan_transit(item, others, &plan)?;
+        self.follow(&approach, Step::PreGrasp)?;
+        self.follow(&plan.down, Step::Approach)?;
+        self.settle(Step::Approach)?;
+        let grip = match plan.grasp.contact < STEEP_CONTACT {
+            true => STEEP_GRIP,
+            false => GRIP,
+        };
+        self.hand(Step::Grasp, &format!("GM {}", plan.grasp.contact + grip))?;
+        self.pause(GRIP_TIME, Step::Grasp)?;
+        if self.is_empty(Step::Grasp)? {
+            self.let_go(&plan.grasp, Step::Grasp)?;
+            self.follow(&plan.up, Step::Lift)?;
+            let item = item.label.clone();
+            return Err(PickError::Missed { item });
+        }
+        self.follow(&plan.up, Step::Lift)?;
+        // The correction contains the weight from here on.
+        self.settle(Step::Lift)?;
+        let transport = match self.plan_transport(item, others, &plan.grasp, container, offset) {
+            Ok(transport) => transport,
+            Err(error) => {
+                self.follow(&plan.down, Step::Release)?;
+                self.settle(Step::Release)?;
+                self.let_go(&plan.grasp, Step::Release)?;
+                self.follow(&plan.up, Step::Release)?;
+                return Err(error);
+            }
+        };
+        self.carry(&transport, Step::Transport)?;
+        self.settle(Step::Transport)?;
+        self.let_go(&plan.grasp, Step::Release)
+    }
+
+    /// Unfolds an arm at home, where forearm and upper arm are closer to each other than planned motions come.
+    fn leave_home(&mut self) -> Result<(), PickError> {
+        if (self.at - self.model.home).amax() > AT_HOME {
+            return Ok(());
+        }
+        let unfolded = Joints::<7>::from(UNFOLDED);
+        match self.timed(vec![self.at, unfolded]) {
+            Some(motion) => self.follow(&motion, Step::PreGrasp),
+            None => Ok(()),
+        }
+    }
+
+    /// Brings spread and fingers into the shape of the grasp.
+    fn shape_hand(&mut self, grasp: &Grasp) -> Result<(), PickError> {
+        // Opening clears what the clutches reported.
+        self.hand(Step::Plan, "GO")?;
+        if (self.spread - grasp.spread).abs() > 20 {
+            self.hand(Step::Plan, &format!("SM {}", grasp.spread))?;
+            self.spread = grasp.spread;
+        }
+        self.hand(Step::Plan, &format!("GM {}", grasp.open))
+            .map(drop)
+    }
+
+    fn let_go(&mut self, grasp: &Grasp, step: Step) -> Result<(), PickError> {
+        self.hand(step, &format!("GM {}", (grasp.open - 800).max(0)))?;
+        self.pause(GRIP_TIME, step)
+    }
+
+    /// Returns whether the fingers closed without meeting anything: the clutch of F3, or those of F1 and F2, held.
+    fn is_empty(&mut self, step: Step) -> Result<bool, PickError> {
+        let reply = self.hand(step, "FGET BD")?;
+        let flags: Vec<bool> = reply
+            .split_whitespace()
+            .filter_map(|word| word.parse::<i32>().ok())
+            .map(|flag| flag != 0)
+            .collect();
+        tracing::debug!(?flags, %step, "clutches");
+        let [one, two, three, ..] = flags[..] else {
+            // A hand that does not tell is not trusted to hold anything.
+            return Ok(true);
+        };
+        Ok(!three || !(one || two))
+    }
+
+    fn hand(&mut self, step: Step, line: &str) -> Result<String, PickError> {
+        self.check_stop(step)?;
+        let sent = self.cell.command_hand(line);
+        sent.map_err(|source| PickError::Workcell { step, source })
+    }
+
+    fn check_stop(&self, step: Step) -> Result<(), PickError> {
+        match self.stop.request() {
+            StopRequest::Now => Err(PickError::Stopped { step }),
+            StopRequest::None | StopRequest::AfterObject => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,234 @@
+//! Plans of one object: grasp, straight lines, and motions between them.
+
+use std::f64::consts::TAU;
+
+use nalgebra::{Point3, Rotation3, Vector3};
+use yarp_devices::kinematics::{Joints, Pose};
+use yarp_devices::trajectory::JointLimits;
+use yarp_planning::{
+    ArmGeometry, CollisionModel, LinkSphere, Path, Planner, PlannerOptions, Scene, Trajectory,
+};
+
+use super::motion::Motion;
+use super::{PickError, Picker, PlanFailure, Step};
+use crate::grasp::{Grasp, grasps};
+use crate::item::Item;
+use crate::surroundings::Container;
+use crate::workcell::Workcell;
+
+/// Distance that the straight approach keeps from the table and other objects, m.
+const APPROACH_MARGIN: f64 = 0.0;
+/// Length of the straight approach, m, and lower ones where the arm does not reach so high.
+const LIFTS: [f64; 5] = [0.20, 0.15, 0.12, 0.09, 0.06];
+/// Length of a step of a straight line, m.
+const LINE_STEP: f64 = 0.02;
+/// Height of a held object's bottom above the rim of the container when it is released, m.
+const RELEASE_HEIGHT: f64 = 0.03;
+/// Number of directions of the hand above a container.
+const RELEASE_DIRECTIONS: u32 = 8;
+/// Number of postures per grasp for which a straight approach is tried.
+const POSTURES: usize = 4;
+/// Largest and smallest radius of the spheres that stand for a held object, m.
+const HELD_RADIUS: [f64; 2] = [0.02, 0.008];
+
+/// A plan of picking one object.
+#[derive(Debug)]
+pub(super) struct PickPlan {
+    pub(super) grasp: Grasp,
+    /// Posture above the object.
+    above: Joints<7>,
+    pub(super) down: Motion,
+    pub(super) up: Motion,
+}
+
+impl<W: Workcell> Picker<W> {
+    /// Chooses a grasp that can be reached.
+    pub(super) fn plan_pick(
+        &mut self,
+        item: &Item,
+        others: &[Item],
+        first: usize,
+    ) -> Result<PickPlan, PickError> {
+        let all = grasps(item, &self.options.grasp);
+        let count = all.len();
+        let mut last = None;
+        for grasp in all.into_iter().cycle().skip(first).take(count) {
+            match self.plan_grasp(item, others, grasp) {
+                Ok(plan) => return Ok(plan),
+                Err(failure) => last = Some(failure),
+            }
+        }
+        let item = item.label.clone();
+        Err(match last {
+            Some(last) => PickError::Unreachable { item, count, last },
+            None => PickError::NoGrasp { item },
+        })
+    }
+
+    fn plan_grasp(
+        &mut self,
+        item: &Item,
+        others: &[Item],
+        grasp: Grasp,
+    ) -> Result<PickPlan, PlanFailure> {
+        let geometry = ArmGeometry::wam_with_hand(&grasp.fingers());
+        let near = self.collisions(geometry.clone(), self.surroundings.scene(others));
+        let near = near.with_margin(APPROACH_MARGIN);
+        let around = self.surroundings.scene(others.iter().chain([item]));
+        let far = self.collisions(geometry, around);
+        let postures = self.solver.postures(&grasp.hand, &self.at, &near)?;
+        for posture in postures.iter().take(POSTURES) {
+            for lift in LIFTS {
+                let mut above = grasp.hand;
+                above.translation.z += lift;
+                let steps = (lift / LINE_STEP).ceil() as usize;
+                let Some(line) = self.solver.line(posture, &above, steps) else {
+                    continue;
+                };
+                let mut up = vec![*posture];
+                up.extend(line);
+                let ends_free = up.last().is_some_and(|last| far.is_free(last));
+                let free = ends_free
+                    && up
+                        .windows(2)
+                        .all(|pair| near.is_motion_free(&pair[0], &pair[1]));
+                if !free {
+                    continue;
+                }
+                let above = up[up.len() - 1];
+                let down: Vec<Joints<7>> = up.iter().rev().copied().collect();
+                let (Some(up), Some(down)) = (self.timed(up), self.timed(down)) else {
+                    continue;
+                };
+                return Ok(PickPlan {
+                    grasp,
+                    above,
+                    down,
+                    up,
+                });
+            }
+        }
+        Err(PlanFailure::NoLine)
+    }
+
+    /// Plans the motion to the place above the object.
+    pub(super) fn plan_transit(
+        &mut self,
+        item: &Item,
+        others: &[Item],
+        plan: &PickPlan,
+    ) -> Result<Motion, PickError> {
+        let geometry = ArmGeometry::wam_with_hand(&plan.grasp.fingers());
+        let scene = self.surroundings.scene(others.iter().chain([item]));
+        self.plan_motion(geometry, scene, &[plan.above])
+            .map_err(|source| PickError::Plan {
+                step: Step::PreGrasp,
+                source,
+            })
+    }
+
+    /// Plans the motion of a held object to the container.
+    pub(super) fn plan_transport(
+        &mut self,
+        item: &Item,
+        others: &[Item],
+        grasp: &Grasp,
+        container: &Container,
+        offset: [f64; 2],
+    ) -> Result<Motion, PickError> {
+        let step = Step::Transport;
+        let mut geometry = ArmGeometry::wam_with_hand(&grasp.fingers());
+        for sphere in held(item, grasp) {
+            geometry = geometry.with_sphere(sphere);
+        }
+        let scene = self.surroundings.scene(others);
+        let model = self.collisions(geometry.clone(), scene.clone());
+        let bottom = item.pose.translation.z - item.shape.height() / 2.0;
+        let height = container.rim() + RELEASE_HEIGHT + (grasp.hand.translation.z - bottom);
+        let place = Vector3::new(
+            container.bottom[0] + offset[0],
+            container.bottom[1] + offset[1],
+            height,
+        );
+        let mut goals = Vec::new();
+        let mut last = PlanFailure::NoLine;
+        for direction in 0..RELEASE_DIRECTIONS {
+            let angle = TAU * f64::from(direction) / f64::from(RELEASE_DIRECTIONS);
+            let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), angle);
+            let target = Pose::from_parts(place.into(), turn * grasp.hand.rotation);
+            match self.solver.postures(&target, &self.at, &model) {
+                Ok(postures) => goals.extend(postures.into_iter().take(2)),
+                Err(error) => last = error.into(),
+            }
+        }
+        // The planner tries straight motions in this order.
+        goals.sort_by(|one, other| {
+            let distance = |goal: &Joints<7>| (goal - self.at).norm();
+            distance(one).total_cmp(&distance(other))
+        });
+        if goals.is_empty() {
+            return Err(PickError::Plan { step, source: last });
+        }
+        self.plan_motion(geometry, scene, &goals)
+            .map_err(|source| PickError::Plan { step, source })
+    }
+
+    fn plan_motion(
+        &mut self,
+        geometry: ArmGeometry,
+        scene: Scene,
+        goals: &[Joints<7>],
+    ) -> Result<Motion, PlanFailure> {
+        let mut options = PlannerOptions::default();
+        options.limits = self.limits();
+        self.plans += 1;
+        options.seed = self
+            .options
+            .seed
+            .wrapping_mul(1_000_003)
+            .wrapping_add(self.plans);
+        let mut planner =
+            Planner::with_geometry(&self.model, geometry, scene).with_options(options);
+        let path = planner.plan(&self.at, goals)?;
+        let trajectory = planner.trajectory(&path).map_err(|_| PlanFailure::NoLine)?;
+        Ok(self.motion(trajectory))
+    }
+
+    pub(super) fn timed(&self, postures: Vec<Joints<7>>) -> Option<Motion> {
+        let path = Path::through(postures)?;
+        let trajectory = Trajectory::new(&path, &self.limits()).ok()?;
+        Some(self.motion(trajectory))
+    }
+
+    fn limits(&self) -> JointLimits<7> {
+        JointLimits::uniform(self.options.joint_speed, self.options.joint_acceleration)
+    }
+
+    fn collisions(&self, geometry: ArmGeometry, scene: Scene) -> CollisionModel {
+        CollisionModel::new(&self.model.chain, geometry, scene)
+    }
+}
+
+/// Returns spheres for the surface of a held object, in the frame of the hand.
+fn held(item: &Item, grasp: &Grasp) -> Vec<LinkSphere> {
+    let into_hand = grasp.hand.inverse() * item.pose;
+    let (radius, height) = (item.shape.radius(), item.shape.height());
+    let size = (height / 2.0).clamp(HELD_RADIUS[1], HELD_RADIUS[0]);
+    let ring = (radius - size).max(0.0);
+    let levels = (height / (2.0 * size)).ceil().max(1.0) as usize;
+    let around = ((TAU * ring / (3.0 * size)).ceil() as usize).max(1);
+    let mut spheres = Vec::new();
+    for level in 0..levels {
+        let z = height * ((level as f64 + 0.5) / levels as f64 - 0.5);
+        for step in 0..around {
+            let (sine, cosine) = (TAU * step as f64 / around as f64).sin_cos();
+            let center = into_hand * Point3::new(ring * cosine, ring * sine, z);
+            spheres.push(LinkSphere {
+                link: 7,
+                center,
+                radius: size,
+            });
+        }
+    }
+    spheres
+}

@@ -1,0 +1,128 @@
+//! Arm and hand on the network.
+
+use std::time::{Duration, Instant};
+
+use nalgebra::SVector;
+use yarp_client::devices::PositionDirect;
+use yarp_client::{Axes, ControlMode, Hand, Mode, Robot};
+use yarp_devices::kinematics::Joints;
+use yarp_devices::{DeviceError, Hand as _};
+
+use crate::workcell::{Workcell, WorkcellError};
+
+/// Counts of a finger and of the spread per degree.
+const COUNTS: [f64; 4] = [125.0, 125.0, 125.0, 17.5];
+
+/// An arm and a hand that are found by their names.
+#[derive(Debug)]
+pub struct RemoteWorkcell {
+    arm: Robot,
+    hand: Hand,
+    names: [String; 2],
+    /// Seconds of the robot in a second of this machine.
+    speed: f64,
+    due: Instant,
+}
+
+impl RemoteWorkcell {
+    /// Returns the workcell of an arm and a hand.
+    ///
+    /// `speed`: seconds of the robot in a second here; 1 for a real one, more for a simulation that runs faster.
+    pub fn new(arm: Robot, hand: Hand, names: [&str; 2], speed: f64) -> Self {
+        Self {
+            arm,
+            hand,
+            names: names.map(str::to_owned),
+            speed,
+            due: Instant::now(),
+        }
+    }
+
+    fn arm<R>(
+        &self,
+        action: &'static str,
+        outcome: Result<R, DeviceError>,
+    ) -> Result<R, WorkcellError> {
+        outcome.map_err(|source| WorkcellError {
+            device: self.names[0].clone(),
+            action,
+            source: Box::new(source),
+        })
+    }
+
+    fn hand<R>(
+        &self,
+        action: &'static str,
+        outcome: Result<R, DeviceError>,
+    ) -> Result<R, WorkcellError> {
+        outcome.map_err(|source| WorkcellError {
+            device: self.names[1].clone(),
+            action,
+            source: Box::new(source),
+        })
+    }
+}
+
+impl Workcell for RemoteWorkcell {
+    fn prepare(&mut self) -> Result<(), WorkcellError> {
+        let modes = [Mode::PositionDirect; 7];
+        self.arm(
+            "set the mode",
+            self.arm.set_control_modes(Axes::All, &modes),
+        )
+    }
+
+    fn joints(&mut self) -> Result<Joints<7>, WorkcellError> {
+        let degrees = self.arm("read the joints", self.arm.positions())?;
+        match <[f64; 7]>::try_from(degrees) {
+            Ok(degrees) => Ok(Joints::<7>::from(degrees.map(f64::to_radians))),
+            Err(other) => self.arm(
+                "read the joints",
+                Err(DeviceError::Unsuitable {
+                    what: "the number of joints of the arm",
+                    asked: other.len().to_string(),
+                    expected: "7".to_owned(),
+                }),
+            ),
+        }
+    }
+
+    fn command(&mut self, joints: &Joints<7>) -> Result<(), WorkcellError> {
+        let degrees: SVector<f64, 7> = joints.map(f64::to_degrees);
+        let sent = self.arm.set_direct_positions(Axes::All, degrees.as_slice());
+        self.arm("command a posture", sent)
+    }
+
+    fn wait(&mut self, seconds: f64) -> Result<(), WorkcellError> {
+        let interval = Duration::from_secs_f64((seconds / self.speed).max(0.0));
+        let now = Instant::now();
+        // Late waits do not pile up.
+        self.due = (self.due + interval).max(now);
+        std::thread::sleep(self.due - now);
+        Ok(())
+    }
+
+    fn command_hand(&mut self, line: &str) -> Result<String, WorkcellError> {
+        let sent = self.hand.send_command(line);
+        self.due = Instant::now();
+        match sent {
+            // Something blocked the motion.
+            Err(error)
+                if yarp_client::ports::error_chain(&error).contains("position not reached") =>
+            {
+                Ok(String::new())
+            }
+            other => self.hand("command the hand", other),
+        }
+    }
+
+    fn fingers(&mut self) -> Result<[f64; 4], WorkcellError> {
+        let degrees = self.hand("read the fingers", self.hand.finger_positions())?;
+        Ok(std::array::from_fn(|motor| degrees[motor] * COUNTS[motor]))
+    }
+
+    fn hold(&mut self) -> Result<(), WorkcellError> {
+        let joints = self.joints()?;
+        self.command(&joints)
+    }
+}

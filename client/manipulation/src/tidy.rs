@@ -1,0 +1,197 @@
+//! Tidying: every object into the container of its class, until the table is empty or somebody stops it (Fig. 37).
+
+use crate::detector::{DetectError, Detector};
+use crate::item::{Class, Item};
+use crate::picker::{PickError, Picker};
+use crate::stop::StopRequest;
+use crate::workcell::Workcell;
+
+/// Options of tidying.
+#[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
+pub struct TidyOptions {
+    /// Attempts for each object on the table before the others come first; 2 by default.
+    pub attempts: usize,
+    /// Maximum number of attempts of a run, as a multiple of the objects that were first seen; 4 by default.
+    pub max_attempts_per_object: usize,
+}
+
+impl Default for TidyOptions {
+    fn default() -> Self {
+        Self {
+            attempts: 2,
+            max_attempts_per_object: 4,
+        }
+    }
+}
+
+/// An error that ends tidying.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum TidyError {
+    /// Nothing is known about the table.
+    #[error(transparent)]
+    Detect(#[from] DetectError),
+    /// Arm or hand failed.
+    #[error(transparent)]
+    Pick(PickError),
+}
+
+/// The end of tidying.
+#[derive(Debug, Default)]
+pub struct TidyReport {
+    /// Name of the detector.
+    pub detector: &'static str,
+    /// Objects that were released above their container.
+    pub released: usize,
+    /// Attempts to pick an object.
+    pub attempts: usize,
+    /// Number of the object of each attempt, as the detector gave it, and whether it was released above its container.
+    pub log: Vec<(u32, bool)>,
+    /// Grasps that closed on nothing.
+    pub missed: usize,
+    /// Objects that are left on the table, with the reason.
+    pub left: Vec<(String, String)>,
+    /// True if somebody stopped it.
+    pub stopped: bool,
+    /// The error that ended it early.
+    pub error: Option<TidyError>,
+}
+
+/// Distance within which an object of a later detection is the same one, m.
+const SAME_PLACE: f64 = 0.03;
+
+/// Attempts at a place.
+struct Tried {
+    place: [f64; 2],
+    count: usize,
+    why: String,
+}
+
+fn tried<'a>(all: &'a mut Vec<Tried>, item: &Item) -> &'a mut Tried {
+    let place = item.pose.translation.vector;
+    let near =
+        |tried: &Tried| (place.x - tried.place[0]).hypot(place.y - tried.place[1]) < SAME_PLACE;
+    let index = all.iter().position(near).unwrap_or_else(|| {
+        all.push(Tried {
+            place: [place.x, place.y],
+            count: 0,
+            why: String::new(),
+        });
+        all.len() - 1
+    });
+    &mut all[index]
+}
+
+/// Places in a container at which successive objects are released, m from its middle.
+const OFFSETS: [[f64; 2]; 4] = [[-0.06, 0.0], [0.06, 0.0], [-0.06, 0.0], [0.06, 0.0]];
+
+/// Detects, picks and places objects until none is left that can be placed.
+///
+/// The first stop request ends it after the current object, the second at once. Errors are in the report: what was done
+/// until then counts.
+pub fn tidy<W: Workcell>(
+    picker: &mut Picker<W>,
+    detector: &mut dyn Detector,
+    options: &TidyOptions,
+) -> TidyReport {
+    let mut report = TidyReport {
+        detector: detector.name(),
+        ..TidyReport::default()
+    };
+    if let Err(error) = run(picker, detector, options, &mut report) {
+        report.error = Some(error);
+    }
+    report
+}
+
+fn run<W: Workcell>(
+    picker: &mut Picker<W>,
+    detector: &mut dyn Detector,
+    options: &TidyOptions,
+    report: &mut TidyReport,
+) -> Result<(), TidyError> {
+    let mut history: Vec<Tried> = Vec::new();
+    let mut released = [0; 3];
+    let mut budget = None;
+    loop {
+        if picker.stop().request() != StopRequest::None {
+            report.stopped = true;
+            return Ok(());
+        }
+        let mut items = detector.detect()?;
+        let budget = *budget.get_or_insert(items.len() * options.max_attempts_per_object);
+        // What failed comes last; of the rest the highest first, which is in the way of the others.
+        items.sort_by(|one, other| {
+            let key = |item: &Item, history: &mut Vec<Tried>| tried(history, item).count;
+            let (first, second) = (key(one, &mut history), key(other, &mut history));
+            first.cmp(&second).then(other.top().total_cmp(&one.top()))
+        });
+        report.left.clear();
+        let mut progress = false;
+        for item in &items {
+            let before = tried(&mut history, item).count;
+            if before >= 2 * options.attempts || report.attempts >= budget {
+                let why = tried(&mut history, item).why.clone();
+                report.left.push((item.label.clone(), why));
+                continue;
+            }
+            let others: Vec<Item> = items
+                .iter()
+                .filter(|other| other.id != item.id)
+                .cloned()
+                .collect();
+            let class = match item.class {
+                Class::Polygon => 0,
+                Class::Glass => 1,
+                Class::Plate => 2,
+            };
+            let offset = match item.class {
+                Class::Plate => [0.0, 0.0],
+                _ => OFFSETS[released[class] % OFFSETS.len()],
+            };
+            let container = picker.surroundings().containers[class];
+            let outcome = picker.pick_and_place(item, &others, &container, offset, before);
+            match outcome {
+                Ok(()) => {
+                    released[class] += 1;
+                    report.attempts += 1;
+                    report.released += 1;
+                    report.log.push((item.id, true));
+                    progress = true;
+                }
+                // Nothing moved: perhaps another object is in the way.
+                Err(error @ (PickError::NoGrasp { .. } | PickError::Unreachable { .. })) => {
+                    tracing::info!(%error, "skipped");
+                    report.left.push((item.label.clone(), error.to_string()));
+                    continue;
+                }
+                Err(PickError::Stopped { .. }) => {
+                    report.attempts += 1;
+                    report.log.push((item.id, false));
+                    report.stopped = true;
+                    return Ok(());
+                }
+                Err(error @ (PickError::Missed { .. } | PickError::Plan { .. })) => {
+                    tracing::info!(%error, "the attempt failed");
+                    report.attempts += 1;
+                    report.log.push((item.id, false));
+                    report.missed += usize::from(matches!(error, PickError::Missed { .. }));
+                    let entry = tried(&mut history, item);
+                    entry.count += 1;
+                    entry.why = error.to_string();
+                    progress = true;
+                }
+                Err(error) => {
+                    report.attempts += 1;
+                    report.log.push((item.id, false));
+                    return Err(TidyError::Pick(error));
+                }
+            }
+            break;
+        }
+        if !progress {
+            return Ok(());
+        }
+    }
+}

@@ -1,0 +1,44 @@
+//! The calls of arm and hand that the steps of a manipulation need.
+
+use yarp_devices::DeviceError;
+use yarp_devices::kinematics::Joints;
+
+/// An error of a call.
+#[derive(Debug, thiserror::Error)]
+#[error("{device}: cannot {action}: {source}")]
+pub struct WorkcellError {
+    /// Name of the device on the network.
+    pub device: String,
+    /// The call, such as `command a posture`.
+    pub action: &'static str,
+    /// Why.
+    pub source: Box<DeviceError>,
+}
+
+/// An arm with a hand: set points at a fixed interval, commands of the hand, and time.
+///
+/// Time is that of the robot: [`wait`](Self::wait) lets it pass.
+pub trait Workcell {
+    /// Prepares arm and hand: the arm follows set points from now on, from where it is.
+    fn prepare(&mut self) -> Result<(), WorkcellError>;
+
+    /// Returns the measured joint angles, rad.
+    fn joints(&mut self) -> Result<Joints<7>, WorkcellError>;
+
+    /// Sends the arm a set point, rad; it holds the last one.
+    fn command(&mut self, joints: &Joints<7>) -> Result<(), WorkcellError>;
+
+    /// Lets this many seconds pass.
+    fn wait(&mut self, seconds: f64) -> Result<(), WorkcellError>;
+
+    /// Sends the hand a command in its own language (`GO`, `SM 1500`), waits for its end and returns the reply.
+    ///
+    /// A motion that something blocked is no error: that is how a grasp ends.
+    fn command_hand(&mut self, line: &str) -> Result<String, WorkcellError>;
+
+    /// Returns the positions of the motors of F1, F2, F3 and the spread, counts.
+    fn fingers(&mut self) -> Result<[f64; 4], WorkcellError>;
+
+    /// Holds the arm where it is; the hand keeps its grip.
+    fn hold(&mut self) -> Result<(), WorkcellError>;
+}

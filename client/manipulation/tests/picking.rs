@@ -1,0 +1,249 @@
+//! Objects are picked and placed by contact and friction alone; failures are reported and leave a safe state.
+
+mod support;
+
+use support::{Shared, SimulatedCell, item, shared};
+use yarp_manipulation::{
+    Item, PickError, Picker, PickerOptions, Step, Stop, Surroundings, Workcell,
+};
+use yarp_table::{Finish, Scene, Shape, SimulationOptions, arm_model};
+
+fn table(shape: Shape, x: f64, y: f64) -> (Shared, Picker<SimulatedCell>, Item) {
+    let mut scene = Scene::empty();
+    scene.put(shape, x, y, 0.3, Finish::default());
+    let found = item(&scene.objects[0]).expect("an object to grasp");
+    let mut options = SimulationOptions::default();
+    options.joints = Some([0.0, 0.2, 0.0, 2.2, 0.0, 0.7, 0.0]);
+    let table = shared(scene, options);
+    table.borrow_mut().step(0.3);
+    let cell = SimulatedCell(table.clone());
+    let options = PickerOptions::default();
+    let picker = Picker::new(
+        cell,
+        arm_model(),
+        Surroundings::default(),
+        options,
+        Stop::default(),
+    );
+    (table, picker.expect("the simulated arm is ready"), found)
+}
+
+fn height(table: &Shared) -> f64 {
+    table.borrow().simulation.scene().objects[0]
+        .pose
+        .translation
+        .z
+}
+
+#[track_caller]
+fn check_placed(shape: Shape, container: usize) {
+    let (table, mut picker, item) = table(shape, 0.55, 0.05);
+    let target = picker.surroundings().containers[container];
+    picker
+        .pick_and_place(&item, &[], &target, [0.0, 0.0], 0)
+        .expect("it is placed");
+    table.borrow_mut().step(1.0);
+    let table = table.borrow();
+    let scene = table.simulation.scene();
+    let place = scene.objects[0].pose.translation.vector;
+    assert!(scene.baskets[container].contains(&place), "{place}");
+    assert_eq!(table.touched, 0, "the robot touched table or baskets");
+}
+
+#[test]
+fn a_box_is_placed() {
+    check_placed(
+        Shape::Box {
+            size: [0.06, 0.09, 0.08],
+        },
+        0,
+    );
+}
+
+#[test]
+fn a_prism_is_placed() {
+    check_placed(
+        Shape::Prism {
+            side: 0.09,
+            height: 0.06,
+        },
+        0,
+    );
+}
+
+#[test]
+fn a_glass_is_placed() {
+    check_placed(
+        Shape::Glass {
+            radius: 0.036,
+            height: 0.11,
+            wall: 0.003,
+        },
+        1,
+    );
+}
+
+#[test]
+fn an_object_that_is_out_of_reach_moves_nothing() {
+    let (_table, mut picker, item) = table(
+        Shape::Box {
+            size: [0.06, 0.09, 0.08],
+        },
+        1.3,
+        0.0,
+    );
+    let before = picker.cell().joints().unwrap();
+    let target = picker.surroundings().containers[0];
+    let error = picker
+        .pick_and_place(&item, &[], &target, [0.0, 0.0], 0)
+        .unwrap_err();
+    assert!(matches!(error, PickError::Unreachable { .. }), "{error}");
+    assert!(error.to_string().contains("out of reach"), "{error}");
+    assert!((picker.cell().joints().unwrap() - before).amax() < 0.01);
+}
+
+#[test]
+fn an_object_that_is_too_wide_has_no_grasp() {
+    let (_table, mut picker, item) = table(
+        Shape::Box {
+            size: [0.30, 0.30, 0.08],
+        },
+        0.55,
+        0.0,
+    );
+    let target = picker.surroundings().containers[0];
+    let error = picker
+        .pick_and_place(&item, &[], &target, [0.0, 0.0], 0)
+        .unwrap_err();
+    assert!(matches!(error, PickError::NoGrasp { .. }), "{error}");
+}
+
+#[test]
+fn fingers_that_close_on_nothing_are_noticed() {
+    let (table, mut picker, mut item) = table(
+        Shape::Box {
+            size: [0.06, 0.09, 0.08],
+        },
+        0.55,
+        0.2,
+    );
+    item.pose.translation.y -= 0.3;
+    let target = picker.surroundings().containers[0];
+    let error = picker
+        .pick_and_place(&item, &[], &target, [0.0, 0.0], 0)
+        .unwrap_err();
+    assert!(matches!(error, PickError::Missed { .. }), "{error}");
+    assert!(
+        table
+            .borrow()
+            .simulation
+            .hand()
+            .clutches()
+            .iter()
+            .all(Option::is_none)
+    );
+}
+
+/// A cell that presses the stop button, or breaks, once the object is this high.
+struct Trigger {
+    cell: SimulatedCell,
+    height: f64,
+    stop: Option<Stop>,
+    broken: bool,
+}
+
+impl Workcell for Trigger {
+    fn prepare(&mut self) -> Result<(), yarp_manipulation::WorkcellError> {
+        self.cell.prepare()
+    }
+    fn joints(
+        &mut self,
+    ) -> Result<yarp_devices::kinematics::Joints<7>, yarp_manipulation::WorkcellError> {
+        self.cell.joints()
+    }
+    fn command(
+        &mut self,
+        joints: &yarp_devices::kinematics::Joints<7>,
+    ) -> Result<(), yarp_manipulation::WorkcellError> {
+        if height(&self.cell.0) > self.height {
+            match &self.stop {
+                Some(stop) => stop.halt(),
+                None if !self.broken => {
+                    self.broken = true;
+                    self.cell.0.borrow_mut().fails_after = Some(0);
+                }
+                None => {}
+            }
+        }
+        self.cell.command(joints)
+    }
+    fn wait(&mut self, seconds: f64) -> Result<(), yarp_manipulation::WorkcellError> {
+        self.cell.wait(seconds)
+    }
+    fn command_hand(&mut self, line: &str) -> Result<String, yarp_manipulation::WorkcellError> {
+        self.cell.command_hand(line)
+    }
+    fn fingers(&mut self) -> Result<[f64; 4], yarp_manipulation::WorkcellError> {
+        self.cell.fingers()
+    }
+    fn hold(&mut self) -> Result<(), yarp_manipulation::WorkcellError> {
+        self.cell.hold()
+    }
+}
+
+/// Interrupts a lift and returns the error; the object must stay in the hand for two seconds.
+fn interrupted(stop: Option<Stop>) -> PickError {
+    let (table, _, item) = table(
+        Shape::Box {
+            size: [0.06, 0.09, 0.08],
+        },
+        0.55,
+        0.05,
+    );
+    let button = stop.clone().unwrap_or_default();
+    let cell = Trigger {
+        cell: SimulatedCell(table.clone()),
+        height: 0.06,
+        stop,
+        broken: false,
+    };
+    let options = PickerOptions::default();
+    let mut picker = Picker::new(cell, arm_model(), Surroundings::default(), options, button)
+        .expect("the simulated arm is ready");
+    let target = picker.surroundings().containers[0];
+    let error = picker
+        .pick_and_place(&item, &[], &target, [0.0, 0.0], 0)
+        .unwrap_err();
+    let before = height(&table);
+    table.borrow_mut().step(2.0);
+    assert!(
+        before > 0.05 && (height(&table) - before).abs() < 0.02,
+        "{before}"
+    );
+    error
+}
+
+#[test]
+fn a_stop_holds_the_arm_and_the_object() {
+    let error = interrupted(Some(Stop::default()));
+    assert!(
+        matches!(error, PickError::Stopped { step: Step::Lift }),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_device_that_fails_leaves_the_object_in_the_hand() {
+    let error = interrupted(None);
+    assert!(
+        matches!(
+            error,
+            PickError::Workcell {
+                step: Step::Lift,
+                ..
+            }
+        ),
+        "{error}"
+    );
+    assert!(error.to_string().contains("the simulated table"), "{error}");
+}

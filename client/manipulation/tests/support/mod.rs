@@ -1,0 +1,193 @@
+//! A table in lockstep: arm, hand and physics are stepped by the calls of the workcell.
+
+#![allow(dead_code, unreachable_pub, reason = "each user needs a part of it")]
+
+use std::cell::RefCell;
+use std::rc::Rc;
+use std::time::Duration;
+
+use yarp_devices::kinematics::Joints;
+use yarp_devices::{Axes, DeviceError, Mode};
+use yarp_manipulation::{Class, DetectError, Detector, Item, ItemShape, Workcell, WorkcellError};
+use yarp_table::{Other, Random, Scene, Shape, TableSimulation};
+
+/// The table, and what happened on it.
+pub struct Table {
+    pub simulation: TableSimulation,
+    /// Contacts of the robot with table or baskets, steps.
+    pub touched: usize,
+    /// The call that fails, counted down; `None` fails nothing.
+    pub fails_after: Option<usize>,
+}
+
+impl Table {
+    pub fn step(&mut self, seconds: f64) {
+        let end = self.simulation.time() + Duration::from_secs_f64(seconds);
+        while self.simulation.time() < end {
+            self.simulation.step();
+            let contacts = self.simulation.physics().contacts();
+            let touches = |other: Other| matches!(other, Other::Table | Other::Basket);
+            self.touched += usize::from(contacts.iter().any(|contact| touches(contact.other)));
+        }
+    }
+}
+
+pub type Shared = Rc<RefCell<Table>>;
+
+pub fn shared(scene: Scene, options: yarp_table::SimulationOptions) -> Shared {
+    Rc::new(RefCell::new(Table {
+        simulation: TableSimulation::new(scene, options),
+        touched: 0,
+        fails_after: None,
+    }))
+}
+
+/// Arm and hand of the table.
+pub struct SimulatedCell(pub Shared);
+
+fn failed(action: &'static str) -> impl FnOnce(DeviceError) -> WorkcellError {
+    move |source| WorkcellError {
+        device: "the simulated table".to_owned(),
+        action,
+        source: Box::new(source),
+    }
+}
+
+impl SimulatedCell {
+    fn fail(&self) -> Result<(), WorkcellError> {
+        let mut table = self.0.borrow_mut();
+        match &mut table.fails_after {
+            Some(0) => Err(failed("do anything")(DeviceError::NoDataYet {
+                what: "state",
+            })),
+            Some(left) => {
+                *left -= 1;
+                Ok(())
+            }
+            None => Ok(()),
+        }
+    }
+}
+
+impl Workcell for SimulatedCell {
+    fn prepare(&mut self) -> Result<(), WorkcellError> {
+        let mut table = self.0.borrow_mut();
+        let arm = table.simulation.arm_mut();
+        let set = arm.set_control_modes(Axes::All, &[Mode::PositionDirect; 7]);
+        set.map_err(failed("set the mode"))
+    }
+
+    fn joints(&mut self) -> Result<Joints<7>, WorkcellError> {
+        let table = self.0.borrow();
+        let arm = table.simulation.arm();
+        let mut joints = Joints::<7>::zeros();
+        for joint in 0..7 {
+            let state = arm.state(joint.into()).map_err(failed("read"))?;
+            joints[joint] = state.position.to_radians();
+        }
+        Ok(joints)
+    }
+
+    fn command(&mut self, joints: &Joints<7>) -> Result<(), WorkcellError> {
+        self.fail()?;
+        let mut table = self.0.borrow_mut();
+        let degrees = joints.map(f64::to_degrees);
+        let arm = table.simulation.arm_mut();
+        let sent = arm.set_direct_positions(Axes::All, degrees.as_slice());
+        sent.map_err(failed("command"))
+    }
+
+    fn wait(&mut self, seconds: f64) -> Result<(), WorkcellError> {
+        self.0.borrow_mut().step(seconds);
+        Ok(())
+    }
+
+    fn command_hand(&mut self, line: &str) -> Result<String, WorkcellError> {
+        self.fail()?;
+        let mut table = self.0.borrow_mut();
+        table.simulation.hand_mut().receive(line.as_bytes());
+        table.simulation.hand_mut().receive(b"\r");
+        let end = table.simulation.time() + Duration::from_secs(15);
+        while table.simulation.hand().is_busy() && table.simulation.time() < end {
+            table.step(0.002);
+        }
+        let said = table.simulation.hand_mut().take_output();
+        let said = String::from_utf8_lossy(&said).into_owned();
+        if said.contains("ERR") && !said.contains("ERR 16") {
+            let what = format!("{line}: {}", said.replace(['\r', '\n'], " "));
+            return Err(failed("command the hand")(DeviceError::NotSupported {
+                what,
+            }));
+        }
+        Ok(said)
+    }
+
+    fn fingers(&mut self) -> Result<[f64; 4], WorkcellError> {
+        Ok(self.0.borrow().simulation.hand().positions())
+    }
+
+    fn hold(&mut self) -> Result<(), WorkcellError> {
+        let joints = self.joints()?;
+        let mut table = self.0.borrow_mut();
+        let degrees = joints.map(f64::to_degrees);
+        let arm = table.simulation.arm_mut();
+        let sent = arm.set_direct_positions(Axes::All, degrees.as_slice());
+        sent.map_err(failed("hold"))
+    }
+}
+
+/// The truth about the table, with noise of a camera.
+pub struct Truth {
+    pub table: Shared,
+    pub random: Random,
+    pub noise: f64,
+}
+
+pub fn item(object: &yarp_table::Object) -> Option<Item> {
+    let (class, shape) = match object.shape {
+        Shape::Box { size } => (Class::Polygon, ItemShape::Cuboid { size }),
+        Shape::Brick { kind } => (Class::Polygon, ItemShape::Cuboid { size: kind.size() }),
+        Shape::Prism { side, height } => (Class::Polygon, ItemShape::Prism { side, height }),
+        Shape::Glass { radius, height, .. } => {
+            (Class::Glass, ItemShape::Cylinder { radius, height })
+        }
+        Shape::Plate { radius, height } => (Class::Plate, ItemShape::Cylinder { radius, height }),
+        _ => return None,
+    };
+    Some(Item {
+        id: object.id,
+        label: object.class().word().to_owned(),
+        class,
+        shape,
+        pose: object.pose,
+    })
+}
+
+impl Detector for Truth {
+    fn name(&self) -> &'static str {
+        "truth"
+    }
+
+    fn detect(&mut self) -> Result<Vec<Item>, DetectError> {
+        let table = self.table.borrow();
+        let scene = table.simulation.scene();
+        let mut items: Vec<Item> = scene
+            .objects
+            .iter()
+            .filter(|object| {
+                let place = object.pose.translation.vector;
+                place.z > scene.table.surface - 0.01
+                    && (scene.table.x[0]..scene.table.x[1]).contains(&place.x)
+                    && (scene.table.y[0]..scene.table.y[1]).contains(&place.y)
+            })
+            .filter_map(item)
+            .collect();
+        for item in &mut items {
+            let mut shift = || self.random.between(-1.7, 1.7) * self.noise;
+            let place = &mut item.pose.translation.vector;
+            place.x += shift();
+            place.y += shift();
+        }
+        Ok(items)
+    }
+}

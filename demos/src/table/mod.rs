@@ -1,0 +1,42 @@
+//! Demos on the simulated table, over the network like in a laboratory.
+//!
+//! | module | content |
+//! | --- | --- |
+//! | `served_table` | [`ServedTable`]: arm, hand, cameras and truth of a table on ports |
+//! | `truth` | [`RemoteTruth`]: a detector that asks the table itself, with noise |
+//! | `tidy` | [`tidy::run`]: every object into the basket of its class |
+
+mod served_table;
+pub mod tidy;
+mod truth;
+
+pub use served_table::ServedTable;
+pub use truth::{RemoteTruth, serve_truth};
+
+use yarp_devices::DeviceError;
+use yarp_manipulation::PickError;
+use yarp_table::NoRoom;
+
+/// An error that keeps a demo on the table from running.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum TableDemoError {
+    /// The table has no room for the objects.
+    #[error(transparent)]
+    NoRoom(#[from] NoRoom),
+    /// The table did not start.
+    #[error(transparent)]
+    Device(#[from] DeviceError),
+    /// A device is not on the network.
+    #[error(transparent)]
+    Client(#[from] yarp_client::Error),
+    /// A server could not be opened.
+    #[error(transparent)]
+    Open(#[from] yarp_wrappers::OpenError),
+    /// The name server did not start.
+    #[error(transparent)]
+    Port(#[from] yarp_client::PortError),
+    /// Arm or hand are not ready.
+    #[error(transparent)]
+    Pick(#[from] PickError),
+}

@@ -1,0 +1,216 @@
+//! Tidying the table over the network: one process serves table and name server, all devices are found by their names.
+
+use std::io::Write;
+use std::time::Instant;
+
+use serde_json::json;
+use yarp_client::ports::blocking::wait;
+use yarp_client::{Hand, Network, Robot};
+use yarp_manipulation::{
+    Picker, PickerOptions, RemoteWorkcell, Surroundings, TidyOptions, TidyReport, tidy,
+};
+use yarp_nameserver::{Server, ServerOptions};
+use yarp_table::{Class, LiveOptions, LiveTable, Placement, Scene, arm_model};
+
+pub use yarp_manipulation::Stop;
+
+use super::{RemoteTruth, ServedTable, TableDemoError};
+use crate::DemoError;
+
+/// Standard deviation of a detected place along x and y by default, m.
+pub const NOISE: f64 = 0.001;
+
+/// Options of the demo.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct TidyDemoOptions {
+    /// Number of random objects.
+    pub objects: usize,
+    /// Seed of objects, friction and noise.
+    pub seed: u64,
+    /// Speed of the table relative to real time, 0.1 to 20.
+    pub speed: f64,
+    /// Standard deviation of a detected place along x and y, m.
+    pub noise: f64,
+    /// Network and prefix of a table that runs elsewhere; `None` starts a table and a name server here.
+    pub remote: Option<(Network, String)>,
+}
+
+impl Default for TidyDemoOptions {
+    fn default() -> Self {
+        Self {
+            objects: 8,
+            seed: 1,
+            speed: 2.0,
+            noise: NOISE,
+            remote: None,
+        }
+    }
+}
+
+/// Tidies a table and writes the result; returns whether it is above the targets.
+///
+/// Blocks until the table is empty, or `stop` is pressed. With a table elsewhere nobody here knows the truth: then the
+/// result has only what the client knows, and is above the targets if nothing was left.
+pub fn run(
+    options: &TidyDemoOptions,
+    stop: &Stop,
+    json: bool,
+    out: &mut dyn Write,
+) -> Result<bool, DemoError> {
+    let (report, judgement) = match &options.remote {
+        Some((network, prefix)) => (tidy_on(network, prefix, options, stop)?, None),
+        None => {
+            let (report, judgement) = tidy_here(options, stop)?;
+            (report, Some(judgement))
+        }
+    };
+    let passed = match &judgement {
+        Some(judgement) => judgement.passes(&report),
+        None => report.error.is_none() && report.left.is_empty(),
+    };
+    let truth = judgement.as_ref();
+    let result = json!({
+        "demo": "tidy",
+        "seed": options.seed,
+        "objects": truth.map(|truth| truth.objects),
+        "detector": report.detector,
+        "noise_m": options.noise,
+        "released": report.released,
+        "placed": truth.map(|truth| truth.placed),
+        "placed_within_two_attempts": truth.map(|truth| truth.within_two),
+        "attempts": report.attempts,
+        "missed": report.missed,
+        "dropped": truth.map(|truth| report.released.saturating_sub(truth.placed + truth.misclassified)),
+        "lost": truth.map(|truth| truth.lost),
+        "misclassified": truth.map(|truth| truth.misclassified),
+        "collisions": truth.map(|truth| truth.collisions),
+        "simulated_seconds": truth.map(|truth| truth.simulated),
+        "simulated_seconds_per_object": truth.map(|truth| truth.simulated / truth.objects.max(1) as f64),
+        "wall_seconds": truth.map(|truth| truth.wall),
+        "times_real_time": truth.map(|truth| truth.simulated / truth.wall.max(1e-9)),
+        "stopped": report.stopped,
+        "left": report.left.iter().map(|(label, why)| json!({"label": label, "reason": why})).collect::<Vec<_>>(),
+        "error": report.error.as_ref().map(ToString::to_string),
+        "passed": passed,
+    });
+    let text = match json {
+        true => result.to_string(),
+        false => format!("{result:#}"),
+    };
+    writeln!(out, "{text}")?;
+    Ok(passed)
+}
+
+/// The end of a run, judged by the table itself.
+struct Judgement {
+    objects: usize,
+    placed: usize,
+    within_two: usize,
+    lost: usize,
+    misclassified: usize,
+    collisions: u64,
+    simulated: f64,
+    wall: f64,
+}
+
+impl Judgement {
+    fn of(scene: &Scene, report: &TidyReport) -> Self {
+        let mut judgement = Self {
+            objects: scene.objects.len(),
+            placed: 0,
+            within_two: 0,
+            lost: 0,
+            misclassified: 0,
+            collisions: 0,
+            simulated: 0.0,
+            wall: 0.0,
+        };
+        for object in &scene.objects {
+            let place = object.pose.translation.vector;
+            let wanted = match object.class() {
+                Class::Glass => 1,
+                Class::Plate => 2,
+                _ => 0,
+            };
+            let found = scene
+                .baskets
+                .iter()
+                .position(|basket| basket.contains(&place));
+            match found {
+                Some(basket) if basket == wanted => {
+                    let attempts = report.log.iter().filter(|(id, _)| *id == object.id).count();
+                    judgement.placed += 1;
+                    judgement.within_two += usize::from(attempts <= 2);
+                }
+                Some(_) => judgement.misclassified += 1,
+                None => judgement.lost += usize::from(place.z < scene.table.surface - 0.01),
+            }
+        }
+        judgement
+    }
+
+    /// Returns whether the run is above the targets of each object.
+    fn passes(&self, report: &TidyReport) -> bool {
+        let objects = self.objects as f64;
+        let dropped = report
+            .released
+            .saturating_sub(self.placed + self.misclassified) as f64;
+        self.within_two as f64 >= 0.99 * objects
+            && dropped <= 0.005 * objects
+            && self.lost == 0
+            && self.collisions == 0
+            && self.simulated <= 20.0 * objects
+            && report.error.is_none()
+    }
+}
+
+fn tidy_here(
+    options: &TidyDemoOptions,
+    stop: &Stop,
+) -> Result<(TidyReport, Judgement), TableDemoError> {
+    let scene = Scene::random(
+        options.seed,
+        &Placement::default().with_count(options.objects),
+    )?;
+    let names = wait(Server::start(ServerOptions::default().at("127.0.0.1", 0)))?;
+    let network = names.network();
+    let mut live = LiveOptions::default();
+    live.speed = options.speed;
+    live.seed = options.seed;
+    let table = LiveTable::start(scene, live)?;
+    let served = ServedTable::open(&network, "", table, options.speed)?;
+    let (begin, before) = (Instant::now(), served.table().statistics());
+    let outcome = tidy_on(&network, "", options, stop);
+    let (wall, after) = (begin.elapsed(), served.table().statistics());
+    let judged = outcome.map(|report| {
+        let mut judgement = Judgement::of(&served.table().scene(), &report);
+        judgement.simulated = (after.simulated - before.simulated).as_secs_f64();
+        judgement.collisions = after.collisions - before.collisions;
+        judgement.wall = wall.as_secs_f64();
+        (report, judgement)
+    });
+    served.close();
+    wait(names.close());
+    judged
+}
+
+/// Tidies a table that is somewhere on the network.
+fn tidy_on(
+    network: &Network,
+    prefix: &str,
+    options: &TidyDemoOptions,
+    stop: &Stop,
+) -> Result<TidyReport, TableDemoError> {
+    let names = [format!("{prefix}/wam"), format!("{prefix}/hand")];
+    let arm = Robot::connect_on(network, &names[0])?;
+    let hand = Hand::connect_on(network, &names[1])?;
+    let truth = format!("{prefix}/truth/rpc:i");
+    let mut detector = RemoteTruth::connect(network, &truth, options.noise, options.seed)?;
+    let cell = RemoteWorkcell::new(arm, hand, [&names[0], &names[1]], options.speed);
+    let mut picking = PickerOptions::default();
+    picking.seed = options.seed;
+    let surroundings = Surroundings::default();
+    let mut picker = Picker::new(cell, arm_model(), surroundings, picking, stop.clone())?;
+    Ok(tidy(&mut picker, &mut detector, &TidyOptions::default()))
+}

@@ -1,0 +1,307 @@
+//! Configuration of a WAM arm: the same parameters in ini files, in XML, and on the command line.
+//!
+//! | parameter | value |
+//! | --- | --- |
+//! | `homeConfirmed` | the arm is folded in its home pose now; CAN bus only |
+//! | `zeroCalibration` | path of libbarrett's `zerocal.conf`: home pose and angles of the rotors |
+//! | `homeMarks` | `MECH` of the seven pucks at home, instead of the angles of that file |
+//! | `positionFile` | path for the last known position, or `none`; default in the user's state directory |
+//! | `payload` | mass and centre at the tool plate, kg and m: `(1.2 0 0 0.06)` |
+//! | `tool` | place of the tool in the frame of the tool plate, m: `(0 0 0.12)` |
+//! | `gravityMoments` | `mu` of libbarrett's gravity calibration: 21 numbers, kg m |
+//! | `jointToMotor` | transmission, 49 numbers, motor by motor: `j2mp` of libbarrett |
+//! | `jointMin`, `jointMax` | position limits, seven numbers each, degrees; within those of the arm |
+//! | `positionKp`, `positionKi`, `positionKd` | gains of the position loops, seven numbers each, Nm per rad, as in libbarrett |
+//! | `maxTorques` | torque limits of the joints, seven numbers, Nm |
+//! | `guard`, `noGuard` | puts guards in front of an ideal simulation; removes those in front of any other arm |
+//! | `velocityTimeout` | time after which a velocity without a new command ends, s; default 1 |
+//! | `effortTimeout` | the same for torques, currents and duty cycles, s; default 0.2 |
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+
+use yarp_devices::dynamics::Body;
+use yarp_devices::guard::{
+    DEFAULT_EFFORT_TIMEOUT, DEFAULT_VELOCITY_TIMEOUT, Guarded, GuardedOptions,
+};
+use yarp_devices::kinematics::Pose;
+use yarp_devices::wam::can::{CanOptions, ZeroCalibration};
+use yarp_devices::wam::{Transmission, WamModel};
+use yarp_devices::{Device, DeviceError, Limits};
+use yarp_wire::settings::Parameters;
+
+use crate::HostError;
+
+/// Number of joints.
+const AXES: usize = 7;
+/// Maximum payload, kg (Barrett's data sheet of the arm with four joints), and distance of its centre, m.
+const MAX_PAYLOAD: f64 = 4.0;
+const MAX_PAYLOAD_DISTANCE: f64 = 1.0;
+/// Maximum length of a tool, m.
+const MAX_TOOL: f64 = 2.0;
+
+/// Configuration of an arm with seven joints.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct ArmConfiguration {
+    /// Model of the arm with its payload and tool.
+    pub model: WamModel<AXES>,
+    /// Options of the driver on the CAN bus.
+    pub can: CanOptions,
+    guards: GuardConfiguration,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct GuardConfiguration {
+    /// Overrides the default of the arm.
+    wanted: Option<bool>,
+    velocity_timeout: Duration,
+    effort_timeout: Duration,
+}
+
+impl ArmConfiguration {
+    /// Reads the parameters of an arm; `bus` is the interface of an arm on a CAN bus, after which its default position
+    /// file is named.
+    ///
+    /// Errors: [`HostError::Parameter`] with the position of the parameter and the expected value.
+    pub fn from_parameters(parameters: &Parameters, bus: Option<&str>) -> Result<Self, HostError> {
+        let mut model = WamModel::<AXES>::new();
+        let mut can = CanOptions {
+            home_confirmed: flag(parameters, "homeConfirmed")?,
+            position_file: position_file(parameters, bus)?,
+            ..CanOptions::default()
+        };
+        if let Some(path) = parameters.get::<String>("zeroCalibration")? {
+            let refused = |error: &dyn std::fmt::Display| {
+                let expected = format!("a zerocal.conf of libbarrett ({error})");
+                HostError::from(parameters.refuse("zeroCalibration", expected))
+            };
+            let found = ZeroCalibration::read(Path::new(&path)).map_err(|error| refused(&error))?;
+            model = found.apply(model).map_err(|error| refused(&error))?;
+            can.zero_angles = found.zero_angles;
+        }
+        if let Some(marks) = parameters.list::<usize>("homeMarks")? {
+            let marks: Option<Vec<i32>> = marks.iter().map(|&mark| mark.try_into().ok()).collect();
+            let marks = marks.and_then(|marks| marks.try_into().ok());
+            let expected = "the values of MECH of seven pucks at home";
+            can.home_marks = Some(marks.ok_or_else(|| parameters.refuse("homeMarks", expected))?);
+        }
+        model = with_payload(model, parameters)?;
+        model = with_mechanics(model, parameters)?;
+        with_loops(&mut model, parameters)?;
+        Ok(Self {
+            model,
+            can,
+            guards: guards(parameters)?,
+        })
+    }
+
+    /// Puts guards in front of an arm at its own limits if they are wanted, or by default unless they are not. Wider
+    /// settings are logged.
+    ///
+    /// Errors: those of [`Guarded::around`].
+    pub fn guard(
+        &self,
+        arm: Arc<dyn Device>,
+        by_default: bool,
+    ) -> Result<Arc<dyn Device>, DeviceError> {
+        if !self.guards.wanted.unwrap_or(by_default) {
+            if by_default {
+                tracing::warn!(
+                    "no guards in front of the arm: a velocity or torque holds until told otherwise"
+                );
+            }
+            return Ok(arm);
+        }
+        let mut options = GuardedOptions::of_device(arm.as_ref())?;
+        options.watchdog = Some(self.guards.velocity_timeout);
+        options.effort_watchdog = Some(self.guards.effort_timeout);
+        if self.guards.velocity_timeout > DEFAULT_VELOCITY_TIMEOUT {
+            let timeout = self.guards.velocity_timeout;
+            tracing::warn!(?timeout, "velocities hold for longer than by default");
+        }
+        if self.guards.effort_timeout > DEFAULT_EFFORT_TIMEOUT {
+            let timeout = self.guards.effort_timeout;
+            tracing::warn!(
+                ?timeout,
+                "torques, currents and duty cycles hold for longer than by default"
+            );
+        }
+        Ok(Arc::new(Guarded::around(arm, options)?))
+    }
+
+    /// Narrows the position limits of a device to those of the model, for devices that have limits of their own.
+    ///
+    /// Errors: those of the device.
+    pub fn narrow(&self, arm: &dyn Device) -> Result<(), DeviceError> {
+        let Some(control) = arm.control_limits() else {
+            return Ok(());
+        };
+        for (joint, own) in self.model.chain.limits().iter().enumerate() {
+            let device = control.position_limits(joint.into())?;
+            let ours = Limits::new(own.min.to_degrees(), own.max.to_degrees());
+            let narrowed = Limits::new(device.min.max(ours.min), device.max.min(ours.max));
+            // Rounding between radians and degrees is no change.
+            if (narrowed.min - device.min).max(device.max - narrowed.max) > 1e-6 {
+                control.set_position_limits(joint.into(), narrowed)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+fn flag(parameters: &Parameters, name: &str) -> Result<bool, HostError> {
+    Ok(match parameters.get::<bool>(name)? {
+        Some(value) => value,
+        None => parameters.has(name),
+    })
+}
+
+/// Reads a list of `N` numbers within a range.
+fn numbers<const N: usize>(
+    parameters: &Parameters,
+    name: &str,
+    range: Limits,
+    expected: &str,
+) -> Result<Option<[f64; N]>, HostError> {
+    let Some(list) = parameters.list::<f64>(name)? else {
+        return Ok(None);
+    };
+    let list = <[f64; N]>::try_from(list).ok();
+    let list = list.filter(|list| list.iter().all(|&number| range.contains(number)));
+    match list {
+        Some(list) => Ok(Some(list)),
+        None => Err(parameters.refuse(name, expected).into()),
+    }
+}
+
+fn position_file(parameters: &Parameters, bus: Option<&str>) -> Result<Option<PathBuf>, HostError> {
+    if let Some(path) = parameters.get::<String>("positionFile")? {
+        return Ok((path != "none").then(|| PathBuf::from(path)));
+    }
+    let state = std::env::var_os("XDG_STATE_HOME").map(PathBuf::from);
+    let home = || Some(PathBuf::from(std::env::var_os("HOME")?).join(".local/state"));
+    let folder = state.filter(|path| path.is_absolute()).or_else(home);
+    Ok(bus.and_then(|bus| Some(folder?.join("yarp").join(format!("wam-{bus}.position")))))
+}
+
+fn with_payload(
+    mut model: WamModel<AXES>,
+    parameters: &Parameters,
+) -> Result<WamModel<AXES>, HostError> {
+    let far = Limits::new(-MAX_TOOL, MAX_TOOL);
+    let expected = "the place of the tool, x y z in m, at most 2 m away";
+    if let Some([x, y, z]) = numbers(parameters, "tool", far, expected)? {
+        model = model.with_tool(Pose::translation(x, y, z));
+    }
+    let expected = "a mass of at most 4 kg and x y z of its centre in m, at most 1 m away";
+    let any = Limits::new(-MAX_PAYLOAD, MAX_PAYLOAD);
+    if let Some([mass, place @ ..]) = numbers::<4>(parameters, "payload", any, expected)? {
+        if mass < 0.0 || place.iter().any(|part| part.abs() > MAX_PAYLOAD_DISTANCE) {
+            return Err(parameters.refuse("payload", expected).into());
+        }
+        model = model.with_load(Body::point(mass, place.into()));
+    }
+    Ok(model)
+}
+
+/// Reads transmission, limits and the gravity calibration.
+fn with_mechanics(
+    mut model: WamModel<AXES>,
+    parameters: &Parameters,
+) -> Result<WamModel<AXES>, HostError> {
+    let expected = "21 numbers in kg m: x y z of each joint, as mu of libbarrett";
+    let moments = numbers::<21>(
+        parameters,
+        "gravityMoments",
+        Limits::new(-100.0, 100.0),
+        expected,
+    )?;
+    if let Some(moments) = moments {
+        for (moment, numbers) in model.calibration.moments.iter_mut().zip(moments.chunks(3)) {
+            moment.copy_from_slice(numbers);
+        }
+    }
+    let expected = "49 numbers, a row per motor, that can be inverted, as j2mp of libbarrett";
+    let matrix = numbers::<49>(
+        parameters,
+        "jointToMotor",
+        Limits::new(-1000.0, 1000.0),
+        expected,
+    )?;
+    if let Some(matrix) = matrix {
+        let counts = model.transmission.counts_per_turn();
+        model.transmission = Transmission::from_rows(&matrix, counts)
+            .ok_or_else(|| parameters.refuse("jointToMotor", expected))?;
+    }
+    let mut limits = *model.chain.limits();
+    let circle = Limits::new(-360.0, 360.0);
+    for (name, is_min) in [("jointMin", true), ("jointMax", false)] {
+        let expected = "seven angles in degrees within the limits of the arm";
+        let Some(angles) = numbers::<AXES>(parameters, name, circle, expected)? else {
+            continue;
+        };
+        for (own, angle) in limits.iter_mut().zip(angles.map(f64::to_radians)) {
+            if angle < own.min - 1e-3 || angle > own.max + 1e-3 {
+                return Err(parameters.refuse(name, expected).into());
+            }
+            let angle = angle.clamp(own.min, own.max);
+            *(if is_min { &mut own.min } else { &mut own.max }) = angle;
+        }
+    }
+    model.chain = model.chain.with_limits(limits);
+    Ok(model)
+}
+
+/// Reads gains and torque limits of the position loops.
+fn with_loops(model: &mut WamModel<AXES>, parameters: &Parameters) -> Result<(), HostError> {
+    let range = Limits::new(0.0, 1e5);
+    let expected = "seven gains in Nm per rad, not negative";
+    let list = |name| numbers::<AXES>(parameters, name, range, expected);
+    let (kp, ki, kd) = (
+        list("positionKp")?,
+        list("positionKi")?,
+        list("positionKd")?,
+    );
+    let expected = "seven torques in Nm, each within what the motors of its joint have";
+    let torques = numbers::<AXES>(parameters, "maxTorques", range, expected)?;
+    for joint in 0..AXES {
+        let most = model.largest_torque(joint);
+        let gains = &mut model.gains[joint];
+        gains.proportional = kp.map_or(gains.proportional, |kp| kp[joint]);
+        gains.integral = ki.map_or(gains.integral, |ki| ki[joint]);
+        gains.derivative = kd.map_or(gains.derivative, |kd| kd[joint]);
+        let Some(torque) = torques.map(|torques| torques[joint]) else {
+            continue;
+        };
+        if torque > most {
+            return Err(parameters.refuse("maxTorques", expected).into());
+        }
+        if torque > gains.limit {
+            let default = gains.limit;
+            tracing::warn!(
+                joint,
+                torque,
+                default,
+                "a torque limit is wider than libbarrett's"
+            );
+        }
+        gains.limit = torque;
+    }
+    Ok(())
+}
+
+fn guards(parameters: &Parameters) -> Result<GuardConfiguration, HostError> {
+    let (guard, none) = (flag(parameters, "guard")?, flag(parameters, "noGuard")?);
+    if guard && none {
+        return Err(parameters
+            .refuse("noGuard", "either guard or noGuard")
+            .into());
+    }
+    Ok(GuardConfiguration {
+        wanted: (guard || none).then_some(guard),
+        velocity_timeout: parameters.get_or("velocityTimeout", DEFAULT_VELOCITY_TIMEOUT)?,
+        effort_timeout: parameters.get_or("effortTimeout", DEFAULT_EFFORT_TIMEOUT)?,
+    })
+}

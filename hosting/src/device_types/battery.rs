@@ -1,0 +1,121 @@
+//! Batteries: a simulated one, a server, and a client of one that another program serves.
+//!
+//! Parameters are those of stock's `batteryWrapper` and `batteryClient` (3.5), `battery_nws_yarp` and
+//! `battery_nwc_yarp`.
+//!
+//! Source: `BatteryWrapper.cpp` and `BatteryClient.cpp` of 3.5.0, `Battery_nws_yarp.cpp` of 4.0.0.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use yarp_devices::fake::SimulatedBattery;
+use yarp_ports::Network;
+use yarp_wire::PortName;
+use yarp_wrappers::{
+    BatteryLayout, BatteryServer, BatteryServerOptions, RemoteBattery, RemoteOptions,
+};
+
+use super::attached_server::{self, AttachedServer, check_period};
+use super::local_device::LocalDevice;
+use super::remote_board::cast;
+use super::{OpenResult, Opening};
+use crate::{Attached, Future, HostError, Hosted};
+
+/// Parameters of stock's server that have no effect here: it never shuts a machine down.
+const IGNORED_PARAMETERS: [&str; 3] = ["enable_shutdown", "enable_log", "quitPortName"];
+
+pub(super) async fn simulated(opening: Opening<'_>) -> OpenResult {
+    let parameters = opening.parameters;
+    let capacity: f64 = parameters.get_or("capacity", 10.0)?;
+    if !(capacity.is_finite() && capacity > 0.0) {
+        let expected = "the charge of the full battery, ampere-hours above 0";
+        return Err(parameters.refuse("capacity", expected).into());
+    }
+    let current: f64 = parameters.get_or("current", 3.0)?;
+    if !current.is_finite() {
+        let expected = "amperes, negative to charge the battery";
+        return Err(parameters.refuse("current", expected).into());
+    }
+    let battery = Arc::new(SimulatedBattery::new(capacity, current));
+    Ok(Box::new(LocalDevice::other(battery)))
+}
+
+pub(super) async fn remote(opening: Opening<'_>, layout: BatteryLayout) -> OpenResult {
+    let parameters = opening.parameters;
+    let remote: PortName = parameters.need("remote")?;
+    let local: PortName = parameters.need("local")?;
+    let mut options = RemoteOptions::new(remote.to_string(), local.to_string());
+    if let Some(carrier) = parameters.get::<String>("carrier")? {
+        options = options.carrier(carrier);
+    }
+    let network = opening.network.clone();
+    let open = move || RemoteBattery::open(&network, options, layout);
+    Ok(Box::new(LocalDevice::other(cast(parameters, open).await?)))
+}
+
+pub(super) async fn server(opening: Opening<'_>, layout: BatteryLayout) -> OpenResult {
+    let parameters = opening.parameters;
+    let name: PortName = parameters.need("name")?;
+    let mut options = BatteryServerOptions::new().layout(layout);
+    if let Some(period) = parameters.get::<Duration>("period")? {
+        let period = check_period(parameters, period, "0.001 to 60 seconds")?;
+        options = options.period(period);
+    }
+    for ignored in IGNORED_PARAMETERS {
+        if parameters.has(ignored) {
+            let device = parameters.device();
+            tracing::warn!("{device}: parameter {ignored} has no effect");
+        }
+    }
+    Ok(Box::new(Server {
+        network: opening.network.clone(),
+        name: name.to_string(),
+        options,
+        ports: AttachedServer::of(parameters),
+    }))
+}
+
+impl attached_server::Server for BatteryServer {
+    fn close(self) -> impl std::future::Future<Output = ()> + Send {
+        Self::close(self)
+    }
+}
+
+/// A server whose ports are open while it is attached.
+struct Server {
+    network: Network,
+    name: String,
+    options: BatteryServerOptions,
+    ports: AttachedServer<BatteryServer>,
+}
+
+impl Hosted for Server {
+    fn attach(&mut self, others: Vec<Attached>) -> Future<'_, Result<(), HostError>> {
+        Box::pin(async move {
+            self.ports.check_free()?;
+            let [other] = &others[..] else {
+                return Err(HostError::Several { got: others.len() });
+            };
+            let battery = other.parts.other.clone();
+            let battery = battery.filter(|device| device.battery().is_some());
+            let battery = battery.ok_or_else(|| HostError::Unsuitable {
+                device: other.device.clone(),
+                expected: "a battery",
+            })?;
+            let options = self.options.clone();
+            let opening = BatteryServer::open(&self.network, battery, &self.name, options);
+            self.ports.open(opening).await
+        })
+    }
+
+    fn detach(&mut self) -> Future<'_, Result<(), HostError>> {
+        Box::pin(async move {
+            self.ports.close().await;
+            Ok(())
+        })
+    }
+
+    fn close(mut self: Box<Self>) -> Future<'static, ()> {
+        Box::pin(async move { self.ports.close().await })
+    }
+}
