@@ -20,7 +20,9 @@ export STOCK
 
 # `make build FEATURES=etcd` builds `yarp server --store etcd://...`; needs protoc (conformance/etcd/setup.sh).
 FEATURES ?=
-WORKSPACE_FEATURES = $(if $(FEATURES),--features $(FEATURES:%=yarp-cli/%))
+# Tests cover the simulated table and OpenCV, too.
+WORKSPACE_FEATURES = --features yarp-cli/table,yarp-cli/vision$(if $(FEATURES),$(COMMA)yarp-cli/$(FEATURES))
+COMMA = ,
 
 # Where stock's graphical tools are kept.
 WINDOWS ?= $(HOME)/.cache/stock-yarp-windows
@@ -55,7 +57,7 @@ deny: setup
 # What is built here `make test FEATURES=etcd` has built by then.
 test-etcd: setup-vision
 	conformance/etcd/setup.sh
-	cargo test --workspace --features yarp-cli/etcd --no-run
+	cargo test --workspace --features yarp-cli/table,yarp-cli/vision,yarp-cli/etcd --no-run
 	conformance/etcd/run.sh
 
 stock: setup
