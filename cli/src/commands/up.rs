@@ -77,6 +77,7 @@ pub(crate) struct Args {
     link_mode: LinkModeArgs,
     #[command(flatten)]
     view: ViewArgs,
+    #[command(flatten)]
     configuration: ArmArgs,
 }
 

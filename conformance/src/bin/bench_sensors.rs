@@ -16,7 +16,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use yarp_conformance::benchmark_statistics::{median, percentiles};
-use yarp_conformance::machine_description::machine;
+use yarp_conformance::machine;
 use yarp_devices::clock::wall_clock;
 use yarp_devices::{AnalogSensors, Device, SensorInfo, SensorKind, SensorReading, offers};
 use yarp_ports::{Answer, Network, Port, PortOptions, Received, remote_admin};
@@ -107,6 +107,9 @@ struct Figures {
     cpu: f64,
 }
 
+/// One of the figures.
+type Part = fn(&Figures) -> f64;
+
 async fn compare(seconds: &str, rounds: &str, stock: &str) -> Result<ExitCode> {
     let (time, rounds) = (
         Duration::from_secs(seconds.parse()?),
@@ -135,12 +138,18 @@ async fn compare(seconds: &str, rounds: &str, stock: &str) -> Result<ExitCode> {
             all.push(figures);
         }
     }
-    let of = |all: &[Figures], part: fn(&Figures) -> f64| median(all.iter().map(part));
+    let of = |all: &[Figures], part: Part| median(all.iter().map(part));
     let lost = |all: &[Figures]| all.iter().map(|figures| figures.lost).sum::<i64>();
     println!("| | ours | stock | ratio |");
     println!("| --- | --- | --- | --- |");
+    let messages = |all: &[Figures]| all.iter().map(|figures| figures.messages).sum::<usize>();
+    println!(
+        "| messages | {} | {} | |",
+        messages(&ours),
+        messages(&theirs)
+    );
     println!("| lost | {} | {} | |", lost(&ours), lost(&theirs));
-    let rows: [(&str, fn(&Figures) -> f64); 3] = [
+    let rows: [(&str, Part); 3] = [
         ("latency p50, us", |figures| figures.p50),
         ("latency p99, us", |figures| figures.p99),
         ("CPU, share of a core", |figures| figures.cpu),
