@@ -33,7 +33,7 @@ if [ ! -e "$web/node_modules/.package-lock.json" ] || [ "$web/package-lock.json"
             || echo "setup: no Node; the live view is built without 3D" >&2
     fi
     if command -v npm >/dev/null; then
-        npm ci --prefix "$web" --no-audit --no-fund --loglevel=error </dev/null \
+        timeout 300 npm ci --prefix "$web" --no-audit --no-fund --loglevel=error </dev/null \
             || echo "setup: npm failed; the live view is built without 3D" >&2
         # As new as what it was made from, so that this is not done again.
         [ ! -e "$web/node_modules/.package-lock.json" ] || touch "$web/node_modules/.package-lock.json"

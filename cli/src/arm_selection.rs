@@ -15,7 +15,8 @@ use yarp_devices::wam::can::CanWam;
 use yarp_devices::wam::{DynamicWam, SimulatedWam};
 use yarp_devices::{Device, DeviceError};
 use yarp_hosting::ArmConfiguration;
-use yarp_wire::settings::{NoSource, Origin, Parameters, Setting, Settings};
+use yarp_wire::settings::{NoSource, Origin, Parameters, Settings};
+use yarp_wire::{Bottle, Value};
 
 use crate::error::Failure;
 
@@ -173,11 +174,8 @@ impl ArmArgs {
             }
         }
         if !self.payload.is_empty() {
-            let numbers = self
-                .payload
-                .iter()
-                .map(|&number| Setting::new(number.into(), &origin));
-            settings.put_entry("payload".to_owned(), numbers.collect());
+            let numbers: Bottle = self.payload.iter().copied().map(Value::from).collect();
+            settings.put("payload", Value::List(numbers), &origin);
         }
         let parameters = Parameters::new(&arm.to_string(), settings, origin);
         let configuration = ArmConfiguration::from_parameters(&parameters, arm.bus())?;

@@ -221,6 +221,9 @@ fn serving_commands_tell_the_service_manager() {
     ] {
         let home = Home::new();
         let _server = (!line.starts_with("server") && line != "up").then(|| home.serve());
+        // These two read from a port that is there.
+        let reads = line.starts_with("merge") || line.starts_with("split");
+        let _source = reads.then(|| home.start("write /a").see("active at"));
         let path = home.path().join("notify");
         let socket = UnixDatagram::bind(&path).unwrap();
         socket.set_read_timeout(Some(TIMEOUT)).unwrap();

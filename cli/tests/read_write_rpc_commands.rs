@@ -17,8 +17,7 @@ fn write_reaches_read_over_every_carrier() {
         assert!(made.says(&format!(
             "Success: Added connection from /w to {carrier}://r"
         )));
-        home.run("exists /w /r")
-            .with(if carrier == "tcp" { 0 } else { 1 });
+        home.run("exists /w /r").with(0);
         home.run(&format!("exists /w {carrier}://r")).with(0);
         writer.type_text("hello 5 (a b)\n\"unfinished\n0 raw\nend\n");
         let reader = reader.see("end");
@@ -139,7 +138,11 @@ fn rpc_sends_administration_requests() {
     let ended = home
         .run_with("admin rpc /r", "[ver]\n[list] [in]\n")
         .with(0);
-    assert_eq!(ended.out, ["Response: [ver] 1 2 3", "Response: anon_rpc"]);
+    assert_eq!(ended.out[0], "Response: [ver] 1 2 3");
+    // The connection of a request that just ended may still be listed, as with stock.
+    let inputs = ended.out[1].strip_prefix("Response: ").unwrap();
+    let inputs: Vec<_> = inputs.split(' ').filter(|name| *name != "admin").collect();
+    assert_eq!(inputs, ["anon_rpc"]);
 }
 
 #[test]

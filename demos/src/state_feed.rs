@@ -80,6 +80,9 @@ pub async fn run(
     network: Option<Network>,
     out: &mut dyn Write,
 ) -> Result<(), DemoError> {
+    if let (Some(arm), Some(network)) = (&options.arm, &network) {
+        check_arm(network, arm).await?;
+    }
     std::fs::create_dir_all(&options.folder)?;
     writeln!(out, "Table 5: repeatability\n")?;
     let mut text = Vec::new();
@@ -119,6 +122,17 @@ pub async fn run(
     save(&options.folder, "table-6.svg", &plot, out)?;
     save(&options.folder, "figure-19.svg", &densities(&measured), out)?;
     Ok(())
+}
+
+/// Checks that an arm publishes its state, before anything is measured.
+async fn check_arm(network: &Network, arm: &str) -> Result<(), DemoError> {
+    let port = format!("{arm}/stateExt:o");
+    let reason = match remote_admin::exists(network, &port).await {
+        Ok(true) => return Ok(()),
+        Ok(false) => "the port is not registered or does not answer".to_owned(),
+        Err(error) => error.to_string(),
+    };
+    Err(DemoError::Connect { port, reason })
 }
 
 fn save(folder: &Path, name: &str, plot: &Plot, out: &mut dyn Write) -> Result<(), DemoError> {
