@@ -72,7 +72,26 @@ impl Trajectory {
         }
         let grid = Grid::of(path);
         let squares = grid.squared_velocities(limits);
-        Ok(grid.timed(&squares))
+        Ok(grid.timed(&squares).slowed(limits))
+    }
+
+    /// Returns the motion, slowed down as a whole by as much as it exceeds an acceleration limit between grid points:
+    /// velocities are averaged where two pieces of the path meet.
+    fn slowed(mut self, limits: &JointLimits<7>) -> Self {
+        let mut excess = 1.0_f64;
+        for index in 1..self.times.len() {
+            let step = self.times[index] - self.times[index - 1];
+            let change = (self.velocities[index] - self.velocities[index - 1]) / step;
+            for joint in 0..7 {
+                excess = excess.max(change[joint].abs() / limits.accelerations[joint]);
+            }
+        }
+        let factor = excess.sqrt();
+        self.times.iter_mut().for_each(|time| *time *= factor);
+        self.velocities
+            .iter_mut()
+            .for_each(|velocity| *velocity /= factor);
+        self
     }
 
     /// Returns the duration, in seconds.
