@@ -8,7 +8,7 @@ use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::os::unix::net::UnixDatagram;
 use std::process::Command;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use common::{Home, Running};
 
@@ -28,7 +28,20 @@ fn place(home: &Home, port: &str) -> (String, u16) {
 }
 
 /// The addresses that programs listen at on this TCP port.
+///
+/// The system writes the table while sockets come and go, and may leave out a row.
 fn listeners(port: u16) -> Vec<String> {
+    let begin = Instant::now();
+    loop {
+        let found = listeners_now(port);
+        if !found.is_empty() || begin.elapsed() > TIMEOUT {
+            return found;
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+fn listeners_now(port: u16) -> Vec<String> {
     let table = std::fs::read_to_string("/proc/net/tcp").unwrap();
     let rows = table.lines().skip(1).filter_map(|row| {
         let mut words = row.split_whitespace().skip(1);
