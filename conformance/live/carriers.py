@@ -262,11 +262,11 @@ def groups(ours, _stock, carrier):
         opened.close()
 
 
-def segments():
-    """Keys of the segments that this program and those it started have made."""
+def segments(makers=None):
+    """Keys of the segments of shared memory, all or those that these processes have made."""
     lines = pathlib.Path("/proc/sysvipc/shm").read_text().splitlines()[1:]
-    makers = {os.getpid(), *Program.started}
-    return {int(key) for key, _, _, _, maker, *_ in map(str.split, lines) if int(maker) in makers} - {0}
+    rows = [(int(key), int(maker)) for key, _, _, _, maker, *_ in map(str.split, lines)]
+    return {key for key, maker in rows if makers is None or maker in makers} - {0}
 
 
 def main():
@@ -274,6 +274,7 @@ def main():
     yarp.Network.init()
     parts = {"mcast": [groups]}
     for carrier in carriers or ["shmem", "unix_stream", "unix_stream+ack", *parts]:
+        # All of them: an older one may have been made by a process whose number is used again.
         before = segments()
         for part in parts.get(carrier, [stock_writes, ours_writes, requests, killed_stock_writer]):
             try:
@@ -282,7 +283,7 @@ def main():
                 pass
         left = list(pathlib.Path(os.environ["TMPDIR"]).glob("SHMEM_*"))
         check(f"{carrier}: no lock is left", not left, left)
-        left = segments() - before
+        left = segments({os.getpid(), *Program.started}) - before
         check(f"{carrier}: no segment is left", not left, left)
     yarp.Network.fini()
     leave()
