@@ -277,7 +277,7 @@ fn devices_of_one_name_are_all_there() {
     check(&[("r.xml", text)], &["a t", "a u"]);
 }
 
-/// What would fail is found without opening a device: each type once, and actions without a device.
+/// Problems are found without opening a device: each type once, and actions without a device.
 #[test]
 fn problems_name_file_and_line() {
     let folder = tempfile::tempdir().unwrap();

@@ -151,7 +151,7 @@ const CONNECTIONS: usize = 8192;
 
 /// Longest request, in bytes: more than any name and all properties of a port take.
 const MAX_MESSAGE: usize = 1 << 20;
-/// What connections over http and websocket are called.
+/// Sender name of connections over http and websocket.
 const BROWSER: &str = "web";
 /// TCP port of stock's name server.
 const DEFAULT_PORT: u16 = 10000;

@@ -419,7 +419,7 @@ async fn ports_are_queried_only_on_demand_and_at_the_interval() {
     }
 }
 
-/// As recorded from stock 3.12.3 and 4.0.0, and as pages of stock ports link to.
+/// Recorded from stock 3.12.3 and 4.0.0, and as pages of stock ports link to.
 #[tokio::test]
 async fn stock_pages_are_still_served() {
     let server = server(None).await;

@@ -155,7 +155,7 @@ fn others_do_not_keep_a_port_alive() {
     assert_eq!(asked.state("/a"), Liveness::Alive);
 }
 
-/// What arrives at the name server was copied to whoever wanted it, from an address that is trusted.
+/// Copies of requests went to any peer that asked for them, from an address that is trusted.
 #[tokio::test]
 async fn the_server_sends_nobody_copies_of_what_it_is_asked() {
     let server = Server::start(ServerOptions::default().at("127.0.0.1", 0));

@@ -18,7 +18,7 @@ pub(crate) const FILE: &str = "tls.conf";
 #[derive(Clone, Debug)]
 pub struct Tls(Infallible);
 
-/// Why a connection was not encrypted.
+/// An error of encrypting a connection.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum TlsError {

@@ -286,7 +286,7 @@ async fn a_browser_may_do_only_what_its_name_may() {
     within(port.close()).await;
 }
 
-/// What a port forwards comes from its own address, with its own name.
+/// Forwarded messages come from the address of the port, with its own name.
 #[tokio::test]
 async fn a_port_that_no_role_names_forwards_nothing() {
     let world = World::with("[a]\nports /arm\nat local\nrights all\n");

@@ -12,7 +12,7 @@ use yarp_wire::http::Gate;
 
 const UPGRADE: &str = "Upgrade: websocket\r\nConnection: Upgrade\r\n\
     Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n";
-/// What every browser says of itself.
+/// Headers of every browser.
 const BROWSER: &str =
     "User-Agent: Mozilla/5.0 (X11; Linux x86_64) Chrome/156\r\nAccept-Language: en\r\n";
 
@@ -38,7 +38,7 @@ impl World {
         self.delivered.load(Ordering::SeqCst)
     }
 
-    /// What is answered; `{own}` stands for host and number of the port.
+    /// Returns the response; `{own}` stands for host and number of the port.
     async fn ask(&self, request: &str) -> String {
         let own = format!("127.0.0.1:{}", self.port.tcp_port());
         let mut raw = Raw::to(&self.port).await;

@@ -9,7 +9,7 @@ use common::{Raw, open, until, within};
 use yarp_ports::limits::BAD_CONNECTION_LOG_LINES;
 use yarp_ports::{PortOptions, Queue};
 
-/// What was logged.
+/// Captured log.
 #[derive(Clone, Default)]
 struct Log(Arc<Mutex<Vec<u8>>>);
 

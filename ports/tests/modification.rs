@@ -46,7 +46,7 @@ async fn the_owner_of_a_port_refuses_them_to_everybody() {
     }
 }
 
-/// What a page that asks the port itself is told.
+/// Sends a request as a page of the port itself does; returns the response.
 async fn ask_by_page(port: &Port, request: &str) -> String {
     let encoded: String = request.bytes().map(|byte| format!("%{byte:02x}")).collect();
     let mut page = Raw::to(port).await;

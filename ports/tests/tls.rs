@@ -450,7 +450,7 @@ async fn a_peer_that_goes_during_the_handshake_leaves_nothing() {
     until(|| port.inputs().is_empty()).await;
 }
 
-/// Who sends byte by byte would hold a connection for as long as he likes.
+/// A peer that sends byte by byte would hold a connection without end.
 #[tokio::test]
 async fn a_handshake_is_over_in_time_however_slow() {
     let lab = Authority::new();

@@ -78,7 +78,7 @@ struct Valid {
     days: u32,
 }
 
-/// Why no certificate was made.
+/// An error of making certificates.
 #[derive(Debug, thiserror::Error)]
 enum KeysError {
     #[error("{} is there already; remove it, or use `yarp keys renew` for a new certificate", path.display())]

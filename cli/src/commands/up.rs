@@ -62,7 +62,7 @@ pub(crate) struct Args {
     /// Type of the simulation
     #[arg(long, value_enum, conflicts_with = "arm")]
     simulation: Option<Simulation>,
-    /// Which arm: simulated, dynamic (with masses and friction), embedded (behind its own PC, which runs `yarp wam-node`),
+    /// Kind of arm: simulated, dynamic (with masses and friction), embedded (behind its own PC, which runs `yarp wam-node`),
     /// or can:INTERFACE (on a CAN bus of this machine that is up, as in can:can0)
     #[arg(long, default_value_t = Arm::Simulated)]
     arm: Arm,

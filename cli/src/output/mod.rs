@@ -8,7 +8,7 @@
 //! * what a command prints waits for room, so that `yarp read /x | less` loses nothing, unless the command
 //!   [serves](serve) others: then it never waits either, and a stream that fails does not end it.
 //!
-//! Where both streams lead to the same file or terminal they share one queue, which keeps their order.
+//! Streams that lead to the same file or terminal share one queue, which keeps their order.
 
 mod queue;
 

@@ -31,7 +31,7 @@ pub enum DetectError {
     Failed {
         /// Name of the detector.
         detector: &'static str,
-        /// Why.
+        /// Reason.
         source: Box<dyn std::error::Error + Send + Sync>,
     },
 }

@@ -1,4 +1,4 @@
-//! What stands around the arm.
+//! Fixed obstacles around the arm.
 
 use yarp_devices::kinematics::Pose;
 use yarp_planning::{Obstacle, Scene, Shape};

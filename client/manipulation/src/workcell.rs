@@ -11,7 +11,7 @@ pub struct WorkcellError {
     pub device: String,
     /// The call, such as `command a posture`.
     pub action: &'static str,
-    /// Why.
+    /// Reason.
     pub source: Box<DeviceError>,
 }
 

@@ -9,7 +9,7 @@
 //! bench_names visit PORT NAME    registers, asks and unregisters once; what a short program does
 //! ```
 //!
-//! As with stock clients every request has a TCP connection of its own. Clients use their own
+//! Every request has a TCP connection of its own, as with stock clients. Clients use their own
 //! addresses (127.1.0.x), so that none waits for TCP ports of ended connections. `YARP` is the path
 //! of our command, `STOCK` the folder of stock YARP; without it stock is skipped. `ROUNDS=1` is a
 //! quick test.

@@ -114,7 +114,7 @@ pub struct SensorInfo {
 /// Values of a sensor at a time.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SensorReading {
-    /// As many values as [`SensorKind::size`] says, in its unit.
+    /// Values of the sensor, [`SensorKind::size`] of them, in its unit.
     pub values: Vec<f64>,
     /// Time of the measurement, seconds since 1970.
     pub time: f64,

@@ -16,7 +16,7 @@ pub trait Battery: Send + Sync {
     fn battery_info(&self) -> Result<String, DeviceError>;
 }
 
-/// What a battery measures.
+/// A measurement of a battery.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BatteryReading {
     /// Voltage, V.

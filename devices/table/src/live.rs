@@ -57,7 +57,7 @@ impl Default for LiveOptions {
     }
 }
 
-/// What happened on a table since it started: the truth, for judging what a client did.
+/// Events on a table since it started: the truth, for judging a client.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TableStatistics {
     /// Time that passed on the table.
@@ -187,14 +187,14 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// What moves with the arm's control periods.
+/// State that is stepped with the control periods of the arm.
 struct World {
     physics: Physics,
     scene: Arc<Mutex<Scene>>,
     hand: Arc<SimulatedHand>,
     loads: [Load; 3],
     statistics: Arc<Mutex<TableStatistics>>,
-    /// Whether the robot touched something in the last step.
+    /// True if the robot touched something in the last step.
     touching: bool,
 }
 
@@ -230,7 +230,7 @@ fn start_arm(
     })
 }
 
-/// What a camera takes.
+/// Output of a camera.
 #[derive(Clone, Copy, Debug)]
 enum Kind {
     Colour(Effects),

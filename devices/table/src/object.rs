@@ -98,7 +98,7 @@ pub enum Shape {
     },
     /// A printed carton; size and texture are those of its kind, its longest edge along y, its shortest along z.
     Brick {
-        /// Which carton.
+        /// Kind of carton.
         kind: BrickKind,
     },
     /// A calibration board of `columns` times `rows` **inner** corners; columns run along y.

@@ -6,24 +6,24 @@ use std::path::{Path, PathBuf};
 
 use yarp_devices::image::{Image, PixelFormat};
 
-/// Why a file was not written.
+/// An error of writing a file.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum OutputError {
     /// The file system refused.
     #[error("{path} could not be written: {source}", path = path.display())]
     File {
-        /// Which file.
+        /// Path of the file.
         path: PathBuf,
-        /// Why.
+        /// Reason.
         source: std::io::Error,
     },
     /// The image could not be encoded.
     #[error("{path} could not be encoded: {source}", path = path.display())]
     Png {
-        /// Which file.
+        /// Path of the file.
         path: PathBuf,
-        /// Why.
+        /// Reason.
         source: png::EncodingError,
     },
 }

@@ -72,7 +72,7 @@ fn each_effect_changes_the_image() {
     assert_ne!(renderer.render(&scene, &camera, &none).image, plain);
 }
 
-/// Whether an image without smoothing shows another colour than the table's at each pixel of a mask, and only there.
+/// An image without smoothing shows another colour than the table's at each pixel of a mask, and only there.
 #[test]
 fn masks_are_what_is_drawn() {
     let mut scene = Scene::empty();

@@ -20,7 +20,7 @@ fn finish() -> Finish {
     }
 }
 
-/// How red a pixel is beside its green, in linear light.
+/// Returns the ratio of red to green of a pixel, in linear light.
 fn redness(image: &Image, x: usize, y: usize) -> f64 {
     let light = |byte: u8| (f64::from(byte) / 255.0).powf(2.2);
     let pixel = image.pixel(x, y).unwrap();

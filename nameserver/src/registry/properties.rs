@@ -21,18 +21,18 @@ pub(super) struct Properties(Vec<Slot>);
 struct Slot {
     key: Arc<str>,
     values: Values,
-    /// What it costs, unless the address that registered the port pays for it.
+    /// Charge for the property, unless the address that registered the port pays for it.
     charge: Option<Box<Charge>>,
 }
 
 /// Keys and values that are held, each once: the ports of one machine say mostly the same.
 ///
-/// Who is the first to hold one pays for it.
+/// The first holder of a key or a value pays for it.
 #[derive(Debug, Default)]
 pub(super) struct Pool {
     keys: HashMap<Arc<str>, Charge>,
     values: HashMap<Values, Charge>,
-    /// How many were given back while somebody else still held them.
+    /// Number of values that were returned while another holder kept them.
     unused: usize,
 }
 

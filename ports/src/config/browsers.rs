@@ -7,7 +7,7 @@
 //! host   robot.lab.example
 //! ```
 //!
-//! What browsers may do without it: [`yarp_wire::http::gate`].
+//! [`yarp_wire::http::gate`] lists the rights of browsers without this file.
 
 use std::path::Path;
 

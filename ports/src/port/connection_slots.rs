@@ -52,7 +52,7 @@ struct State {
 
 type Key = (Phase, u64);
 
-/// Which connections make room first.
+/// Phases of a connection; those listed first make room first.
 #[derive(Clone, Copy, Debug, Eq, Ord, PartialEq, PartialOrd)]
 pub(super) enum Phase {
     /// Has not sent its header.
@@ -86,7 +86,7 @@ enum Ending {
     Output(Weak<SendQueue>),
 }
 
-/// What a connection does, as its own task notes it.
+/// Activity of a connection, recorded by its own task.
 #[derive(Debug, Default)]
 struct Activity {
     /// Messages and replies.

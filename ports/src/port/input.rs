@@ -233,7 +233,7 @@ pub(super) struct Connection {
     guard: Option<ConnectionGuard>,
     /// Its place among the connections of the process.
     slot: ConnectionSlot,
-    /// What it takes of the process's budget for incomplete messages.
+    /// Reservation in the budget of the process for incomplete messages.
     incoming: Option<Reservation>,
     /// Something that came made sense.
     was_valid: bool,
@@ -506,7 +506,8 @@ impl Connection {
         }
     }
 
-    /// Why the peer may not change how messages pass the port, or how its process is scheduled; none if it may.
+    /// Returns the reason why the peer may not change how messages pass the port, or how its process is scheduled; none
+    /// if it may.
     pub(super) fn why_not_modify(&self) -> Option<String> {
         let core = &self.core;
         let asking = Asking {

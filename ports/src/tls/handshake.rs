@@ -15,7 +15,7 @@ const HANDSHAKE_TIMEOUT: Duration = Duration::from_secs(5);
 /// The first byte of a TLS record with a handshake (RFC 8446, 5.1). No carrier begins with it.
 const HANDSHAKE_RECORD: u8 = 22;
 
-/// Why a connection was not encrypted.
+/// An error of encrypting a connection.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum TlsError {

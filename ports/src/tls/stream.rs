@@ -1,6 +1,6 @@
 //! An encrypted TCP stream that is read and written without waiting, as the plain one is.
 //!
-//! What a write encrypts and the system does not take at once stays here, at most [`MAX_UNSENT`]; it goes out with the next
+//! Encrypted bytes that the system does not take at once stay here, at most [`MAX_UNSENT`]; they go out with the next
 //! write or read, or while somebody waits in [`TlsStream::readable`]; a connection at rest is always waited for there. What is
 //! left when the stream is dropped is sent in the background, for at most [`CLOSE_TIMEOUT`].
 
@@ -102,7 +102,7 @@ impl TlsStream {
         self.read(buffer, |room| tcp.try_read(room))
     }
 
-    /// As [`TlsStream::try_read_buf`], whether or not the system has told that there is something.
+    /// Reads like [`TlsStream::try_read_buf`], even if the system has not reported readiness.
     pub(crate) fn peek_now(&self, mut bytes: &mut [u8]) -> io::Result<usize> {
         let socket = SockRef::from(&**self.tcp());
         self.read(&mut bytes, |room| (&*socket).read(room))

@@ -1,4 +1,4 @@
-//! What servers and clients of devices have in common.
+//! Common parts of servers and clients of devices.
 //!
 //! | file | content |
 //! | --- | --- |

@@ -52,23 +52,23 @@ pub(crate) enum PlanFailure {
     /// The file cannot be read.
     #[error("cannot read the scene {path}: {source}")]
     File {
-        /// Which file.
+        /// Path of the file.
         path: PathBuf,
-        /// Why.
+        /// Reason.
         source: std::io::Error,
     },
     /// The file is larger than any scene.
     #[error("the scene {path} has more than {} MiB", MAX_FILE >> 20)]
     TooLarge {
-        /// Which file.
+        /// Path of the file.
         path: PathBuf,
     },
     /// The file is no scene.
     #[error("{path}: {source}")]
     Problem {
-        /// Which file.
+        /// Path of the file.
         path: PathBuf,
-        /// Why.
+        /// Reason.
         source: ProblemError,
     },
 }

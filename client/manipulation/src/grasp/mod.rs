@@ -119,7 +119,7 @@ pub fn grasps(item: &Item, options: &GraspOptions) -> Vec<Grasp> {
         .collect()
 }
 
-/// How three fingers meet an object.
+/// Contact of three fingers with an object.
 #[derive(Clone, Copy, Debug)]
 struct Meeting {
     /// Distance of the fingers' inner sides from their own axes in the middle of the hand, m.

@@ -81,7 +81,7 @@ pub enum PickError {
     Plan {
         /// The step.
         step: Step,
-        /// Why.
+        /// Reason.
         source: PlanFailure,
     },
     /// The fingers closed on nothing; they are open again, and the arm is back above.

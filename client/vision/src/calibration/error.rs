@@ -206,7 +206,7 @@ pub enum CalibrationError {
     File {
         /// File.
         path: PathBuf,
-        /// What was expected.
+        /// Text of the problem.
         problem: String,
     },
     /// OpenCV failed.

@@ -18,7 +18,7 @@ use super::{Plug, Rig, until};
 const MAX_ERROR: f64 = 0.05;
 /// Maximum motion of a joint on activation, degrees.
 const MAX_ACTIVATION_MOTION: f64 = 0.5;
-/// How exactly a person folds the arm, rad.
+/// Error with which a person folds the arm, rad.
 const FOLDING_ERROR: f64 = 0.01;
 const EVENTS: u32 = 8;
 
