@@ -10,6 +10,7 @@ What differs on purpose stands in DIFFERENT.
 
 import argparse
 import os
+import random
 import re
 import socket
 import subprocess
@@ -133,18 +134,39 @@ web index.html
 DIFFERENT = {"register", "query"}
 
 
-def free_port():
-    with socket.socket() as held:
-        held.bind(("127.0.0.1", 0))
-        return held.getsockname()[1]
+def free_ports(servers, each=100):
+    """Returns a port number for each of `servers`, with the next `each` free as well.
+
+    A server gives those to the names it registers, and probes the holder of a name that is
+    registered again: nothing may listen there, least of all the other server. The numbers lie below
+    those that the system gives to connections.
+    """
+    with open("/proc/sys/net/ipv4/ip_local_port_range", encoding="ascii") as limits:
+        end = int(limits.read().split()[0])
+    found = []
+    for first in random.sample(range(end // 2, end - each, each), (end // 2 - each) // each):
+        held = [socket.socket() for _ in range(each)]
+        try:
+            for number, one in enumerate(held):
+                one.bind(("", first + number))
+            found.append(first)
+        except OSError:
+            pass
+        finally:
+            for one in held:
+                one.close()
+        if len(found) == servers:
+            return found
+    raise SystemExit("there are no free port numbers")
+
 
 
 class Server:
     """A name server with a configuration directory of its own."""
 
-    def __init__(self, command):
+    def __init__(self, command, port):
         self.home = tempfile.TemporaryDirectory()
-        self.port = free_port()
+        self.port = port
         words = ["--ip", "127.0.0.1", "--socket", str(self.port), "--write"]
         environment = dict(os.environ, YARP_CONFIG_HOME=self.home.name, YARP_DATA_HOME=self.home.name,
                            YARP_PORT_RANGE=str(self.port), YARP_FORWARD_LOG_ENABLE="0")
@@ -212,8 +234,9 @@ def main():
     ours = stock = None
     failed = asked = 0
     try:
-        ours = Server([os.path.abspath(arguments.our_yarp), "server"])
-        stock = Server(arguments.stock_server)
+        first, second = free_ports(2)
+        ours = Server([os.path.abspath(arguments.our_yarp), "server"], first)
+        stock = Server(arguments.stock_server, second)
         plain = [line for line in REQUESTS.splitlines() if line]
         structured = [line for line in STRUCTURED.splitlines() if line]
         for request, text_ack in [(line, way) for line in plain for way in (False, True)] + \
