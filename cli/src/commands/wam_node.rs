@@ -29,6 +29,10 @@ pub(crate) struct Args {
     arm: Arm,
     #[command(flatten)]
     link_mode: LinkModeArgs,
+    /// Move the joints to the nearest posture for poses to which the tool cannot go straight, instead of refusing them: the
+    /// tool leaves the line, and joints may turn far
+    #[arg(long)]
+    allow_posture_changes: bool,
     #[command(flatten)]
     configuration: ArmArgs,
 }
@@ -45,10 +49,12 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let mut interrupt = Interrupt::listen();
     let link_mode = args.link_mode.link_mode(false).map_err(Failure::LinkMode)?;
     let configuration = args.configuration.configuration(&args.arm)?;
-    let node = WamNode::start(
-        args.arm.clone().start(link_mode, &configuration)?,
-        NodeOptions::new(link_mode),
-    )?;
+    let mut options = NodeOptions::new(link_mode);
+    options.moves.allow_posture_changes = args.allow_posture_changes;
+    if args.allow_posture_changes {
+        tracing::warn!("moves to poses may change the posture of the arm");
+    }
+    let node = WamNode::start(args.arm.clone().start(link_mode, &configuration)?, options)?;
     let places = node.addresses();
     let verb = match link_mode {
         LinkMode::Listen(_) => "waits for the driver at",

@@ -11,7 +11,7 @@ use nalgebra::Vector3;
 
 use super::arm_adapter::ArmAdapter;
 use super::cartesian_settings::{Reach, Settings};
-use super::tool_motion::{Motion, Progress};
+use super::tool_motion::{Followed, Motion, PEAK_TO_MEAN_SPEED, Progress};
 use crate::clock::wall_clock;
 use crate::iface::EVENTS_KEPT;
 use crate::kinematics::{Chain, Joints, Pose, Task};
@@ -31,6 +31,7 @@ const MAX_CONTEXTS: usize = 1000;
 pub struct CartesianOptions {
     period: Duration,
     part_type: String,
+    allow_posture_changes: bool,
 }
 
 impl Default for CartesianOptions {
@@ -38,6 +39,7 @@ impl Default for CartesianOptions {
         Self {
             period: PERIOD,
             part_type: "wam".to_owned(),
+            allow_posture_changes: false,
         }
     }
 }
@@ -51,6 +53,14 @@ impl CartesianOptions {
     /// Sets the interval between positions sent to the arm (stock: `ControllerPeriod`).
     pub fn period(mut self, period: Duration) -> Self {
         self.period = period;
+        self
+    }
+
+    /// Allows motions that turn joints farther than
+    /// [`MAX_JOINT_CHANGE_PER_STEP`](crate::trajectory::MAX_JOINT_CHANGE_PER_STEP) for each step of the way, and short
+    /// motions that leave the straight line. Otherwise such a target is refused.
+    pub fn allow_posture_changes(mut self, allow: bool) -> Self {
+        self.allow_posture_changes = allow;
         self
     }
 
@@ -92,6 +102,7 @@ pub(super) struct Shared<const N: usize> {
     /// The arm without tip, within the limits of chain and device.
     pub(super) chain: Chain<N>,
     pub(super) info: CartesianInfo,
+    allow_posture_changes: bool,
     state: Mutex<State<N>>,
     ending: AtomicBool,
 }
@@ -153,6 +164,7 @@ impl<const N: usize> CartesianController<N> {
             }),
             arm,
             chain,
+            allow_posture_changes: options.allow_posture_changes,
             ending: AtomicBool::new(false),
         });
         let theirs = shared.clone();
@@ -235,19 +247,45 @@ impl<const N: usize> Shared<N> {
         time: Option<f64>,
     ) -> Result<(), DeviceError> {
         let settings = self.lock().settings.clone();
-        let reach = self.solve(&settings, &target, task)?;
-        if let Some((distance, angle)) = reach.missed_by {
-            let [x, y, z] = target.translation.vector.into();
-            return Err(DeviceError::Unsuitable {
-                what: "target",
-                asked: format!("({x:.3} {y:.3} {z:.3}) m"),
-                expected: format!(
-                    "one within reach: the tool stays {distance:.3} m and {:.1} deg away from it",
-                    angle.to_degrees()
-                ),
-            });
+        // Without the lock: the arm does not wait for that.
+        let start = self.stand()?;
+        let chain = settings.chain(&self.chain, &start);
+        let max_velocities = self.arm.max_velocities()?;
+        match settings.follow(&chain, &target, task, &start, &max_velocities) {
+            Ok(way) => {
+                let wish = time.filter(|&time| time > 0.0).unwrap_or(settings.time);
+                // Slow enough that every joint keeps up, so that the tool stays on the line.
+                let time = wish.max(PEAK_TO_MEAN_SPEED * way.time);
+                self.go_to_joints(
+                    settings,
+                    way.joints,
+                    (target, task),
+                    Some((way.task, way.places)),
+                    Some(time),
+                )
+            }
+            Err(refused) => {
+                let reach = settings.reach(&chain, &target, task, &start);
+                let [x, y, z] = target.translation.vector.into();
+                let unsuitable = |expected| DeviceError::Unsuitable {
+                    what: "target",
+                    asked: format!("({x:.3} {y:.3} {z:.3}) m"),
+                    expected,
+                };
+                if let Some((distance, angle)) = reach.missed_by {
+                    return Err(unsuitable(format!(
+                        "one within reach: the tool stays {distance:.3} m and {:.1} deg away from it",
+                        angle.to_degrees()
+                    )));
+                }
+                if !self.allow_posture_changes && !refused.permits(&start, &reach.joints) {
+                    return Err(unsuitable(format!(
+                        "one straight ahead in the posture of the arm: {refused}; move the joints to another posture first, or allow changes of posture"
+                    )));
+                }
+                self.go_to_joints(settings, reach.joints, (target, task), None, time)
+            }
         }
-        self.go_to_joints(settings, reach.joints, (target, task), time)
     }
 
     /// Returns the joint positions for a target, near the start of the motion to it.
@@ -268,6 +306,7 @@ impl<const N: usize> Shared<N> {
         settings: Settings<N>,
         goal: Joints<N>,
         (target, task): (Pose, Task),
+        followed: Option<Followed<N>>,
         time: Option<f64>,
     ) -> Result<(), DeviceError> {
         let start = self.stand()?;
@@ -287,7 +326,7 @@ impl<const N: usize> Shared<N> {
             settings,
             chain,
             (start, goal),
-            (target, task),
+            (target, task, followed),
             duration,
             before.as_ref(),
         );
@@ -336,7 +375,7 @@ impl<const N: usize> Shared<N> {
             Some((target, task)) => {
                 let settings = self.lock().settings.clone();
                 let goal = self.solve(&settings, &target, task)?.joints;
-                self.go_to_joints(settings, goal, (target, task), None)
+                self.go_to_joints(settings, goal, (target, task), None, None)
             }
             None => Ok(()),
         }

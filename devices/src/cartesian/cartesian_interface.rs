@@ -145,7 +145,11 @@ impl<const N: usize> CartesianControl for CartesianController<N> {
             None => self.shared.stand()?,
         };
         let chain = settings.chain(&self.shared.chain, &stand);
-        let joints = settings.reach(&chain, &pose, task, &stand).joints;
+        let max_velocities = self.shared.arm.max_velocities()?;
+        let joints = match settings.follow(&chain, &pose, task, &stand, &max_velocities) {
+            Ok(way) => way.joints,
+            Err(_) => settings.reach(&chain, &pose, task, &stand).joints,
+        };
         Ok(reached(&chain.forward(&joints), &joints))
     }
 

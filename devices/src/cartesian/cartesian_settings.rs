@@ -1,8 +1,12 @@
 //! Settings of a controller, which can be stored as a context.
 
+use nalgebra::{Rotation3, Translation3};
+
 use crate::kinematics::{
     Chain, Joints, Pose, Redundancy, Solution, Solver, SolverOptions, Task, distances,
+    rotation_vector,
 };
+use crate::trajectory::{MAX_JOINT_CHANGE_PER_STEP, STEP_ANGLE, STEP_LENGTH, largest_joint_change};
 use crate::{Limits, Priority};
 
 /// Number of starts tried for a target, and for each step on the way to it.
@@ -11,6 +15,66 @@ const SOLVER_ATTEMPTS: usize = 30;
 const DEFAULT_TRAJECTORY_TIME: f64 = 2.0;
 const DEFAULT_TOLERANCE: f64 = 0.01;
 
+/// Distance (m) and rotation (rad) between two checked places of a line.
+const WAYPOINT_DISTANCE: f64 = 0.005;
+const WAYPOINT_ANGLE: f64 = 0.04;
+/// Number of places between two such, on a step.
+const STEP_RESOLUTION: f64 = 5.0;
+/// Tolerance of the length of a step, because of rounding.
+const STEP_TOLERANCE: f64 = 1.0 + 1e-6;
+/// Change of a joint between two places of a line that counts as a jump to another posture, rad. An arm that bends from
+/// its full length changes its elbow by 0.2 rad.
+const MAX_WAYPOINT_CHANGE: f64 = 0.25;
+
+/// A straight line of the tool that the joints can follow.
+#[derive(Clone, Debug)]
+pub(super) struct Way<const N: usize> {
+    /// The joint positions at its end, rad.
+    pub(super) joints: Joints<N>,
+    /// The task that can be followed on the whole line.
+    pub(super) task: Task,
+    /// Minimum mean time for a step, s, in which every joint keeps up: the whole line at the rate of its steepest part.
+    /// 0 for a longer way, on which the tool may leave the line rather than wait for a joint.
+    pub(super) time: f64,
+    /// The joint positions along a step, evenly spaced from its start to its end, rad: the arm goes exactly there. None for
+    /// a longer way.
+    pub(super) places: Option<Vec<Joints<N>>>,
+    /// Maximum change of a joint on a way of this length, rad.
+    most: f64,
+}
+
+/// Reasons why the tool cannot go straight to a target in the posture that the arm has.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub(super) enum WayError {
+    #[error("the tool cannot go straight beyond {percent:.0} % of the way")]
+    Blocked {
+        percent: f64,
+        /// Maximum change of a joint on a way of this length, rad.
+        most: f64,
+        /// A step of the tool, which is straight or not made at all.
+        is_step: bool,
+    },
+    #[error(
+        "joint {joint} would turn by {change:.2} rad, allowed are {most:.2} rad for a way of this length"
+    )]
+    PostureChange {
+        joint: usize,
+        change: f64,
+        most: f64,
+    },
+}
+
+impl WayError {
+    /// Returns whether the arm may go to these joint positions although the tool cannot go straight: far targets only,
+    /// and only as far as the posture is kept.
+    pub(super) fn permits<const N: usize>(&self, start: &Joints<N>, goal: &Joints<N>) -> bool {
+        match self {
+            Self::Blocked { most, is_step, .. } => !is_step && (goal - start).abs().max() <= *most,
+            Self::PostureChange { .. } => false,
+        }
+    }
+}
+
 /// Joint positions for a target.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Reach<const N: usize> {
@@ -18,6 +82,8 @@ pub(super) struct Reach<const N: usize> {
     pub(super) joints: Joints<N>,
     /// Distance (m) and angle (rad) by which they miss what has priority; none within the tolerance of arrival.
     pub(super) missed_by: Option<(f64, f64)>,
+    /// True if the whole target is solved, not only what has priority.
+    is_exact: bool,
 }
 
 impl<const N: usize> Reach<N> {
@@ -25,6 +91,7 @@ impl<const N: usize> Reach<N> {
         Self {
             joints,
             missed_by: None,
+            is_exact: true,
         }
     }
 }
@@ -128,7 +195,117 @@ impl<const N: usize> Settings<N> {
         Reach {
             joints,
             missed_by: is_missed.then_some((distance, angle)),
+            is_exact: false,
         }
+    }
+
+    /// Follows the straight line from `start` to `target` place by place, always to the joints nearest to those before.
+    ///
+    /// A pose that the arm cannot have continues with what has priority, as [`reach`](Self::reach) does. Without
+    /// priority an arm of four joints would leave the line.
+    pub(super) fn follow(
+        &self,
+        chain: &Chain<N>,
+        target: &Pose,
+        task: Task,
+        start: &Joints<N>,
+        max_velocities: &Joints<N>,
+    ) -> Result<Way<N>, WayError> {
+        let followed = self.follow_task(chain, target, task, start, max_velocities);
+        if task != Task::Pose || !matches!(followed, Err(WayError::Blocked { .. })) {
+            return followed;
+        }
+        let reach = self.reach(chain, target, task, start);
+        if reach.is_exact {
+            return followed;
+        }
+        let first = match self.priority {
+            Priority::Position => Task::Position,
+            Priority::Orientation => Task::Orientation,
+        };
+        let mut way = self.follow_task(chain, target, first, start, max_velocities)?;
+        // The rest as near as it gets, unless that takes the tool off the line of a step.
+        if way.places.is_none()
+            && reach.missed_by.is_none()
+            && (reach.joints - start).abs().max() <= way.most
+        {
+            way.joints = reach.joints;
+        }
+        Ok(way)
+    }
+
+    fn follow_task(
+        &self,
+        chain: &Chain<N>,
+        target: &Pose,
+        task: Task,
+        start: &Joints<N>,
+        max_velocities: &Joints<N>,
+    ) -> Result<Way<N>, WayError> {
+        let from = chain.forward(start);
+        let way = target.translation.vector - from.translation.vector;
+        let turn = rotation_vector(&(target.rotation * from.rotation.inverse()));
+        let (distance, angle) = match task {
+            Task::Pose => (way.norm(), turn.norm()),
+            Task::Position => (way.norm(), 0.0),
+            Task::Orientation => (0.0, turn.norm()),
+        };
+        let most = largest_joint_change(MAX_JOINT_CHANGE_PER_STEP, distance, angle);
+        let is_step = distance <= STEP_LENGTH * STEP_TOLERANCE && angle <= STEP_ANGLE;
+        let resolution = if is_step { STEP_RESOLUTION } else { 1.0 };
+        let places = (distance / WAYPOINT_DISTANCE).max(angle / WAYPOINT_ANGLE) * resolution;
+        let places = places.ceil().max(1.0);
+        let mut kept = is_step.then(|| vec![*start]);
+        let mut before = *start;
+        let mut time = 0.0_f64;
+        for place in 1..=places as usize {
+            let share = place as f64 / places;
+            let pose = Pose::from_parts(
+                Translation3::from(from.translation.vector + way * share),
+                Rotation3::new(turn * share) * from.rotation,
+            );
+            let (now, gets_there) = self.step(chain, &pose, task, &before);
+            let steps = (now - before).abs();
+            if !gets_there || steps.max() > MAX_WAYPOINT_CHANGE / resolution {
+                return Err(WayError::Blocked {
+                    percent: share * 100.0,
+                    most,
+                    is_step,
+                });
+            }
+            let changes = (now - start).abs();
+            let joint = changes.imax();
+            let change = changes[joint];
+            if change > most {
+                return Err(WayError::PostureChange {
+                    joint,
+                    change,
+                    most,
+                });
+            }
+            for (step, speed) in steps.iter().zip(max_velocities.iter()) {
+                if *speed > 0.0 {
+                    time = time.max(step * places / speed);
+                }
+            }
+            if let Some(kept) = &mut kept {
+                kept.push(now);
+            }
+            before = now;
+        }
+        let drawn = self.solver(chain, task, 1, true).solve(target, &before);
+        let joints = match drawn {
+            // The rest posture draws no farther than the way allows.
+            Ok(drawn) if (drawn.joints - start).abs().max() <= most => drawn.joints,
+            _ => before,
+        };
+        Ok(Way {
+            joints,
+            task,
+            time: if is_step { time } else { 0.0 },
+            places: kept,
+            most,
+        })
     }
 
     /// Returns the next step on a path: the joints nearest to `guess` that move the tool to `target`, or as near as

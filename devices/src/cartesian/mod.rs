@@ -7,6 +7,9 @@
 //!    only the whole pose is, what has priority is reached and the rest is as near as the search left it.
 //! 2. The tool goes there on a straight line, turning the shortest way, with the time law of minimum jerk. A new target
 //!    takes over from the old one with its velocity and acceleration.
+//!    A motion that would turn a joint by more than 0.5 rad for each 5 cm of its way is refused, and so is a step of up
+//!    to 5 cm that the tool cannot make straight, unless
+//!    [`allow_posture_changes`](CartesianOptions::allow_posture_changes).
 //! 3. Each period the next pose becomes joints, searched near a way of the joints to the same end, no joint faster than
 //!    its limit: where the line leaves the workspace, or a joint is too slow, the tool leaves the line and still
 //!    arrives, later if needed.

@@ -20,7 +20,10 @@ const STANDSTILL_ANGLE: f64 = 1e-4;
 /// module.
 const MAX_LAG: f64 = 0.015;
 /// The highest speed on a way of minimum jerk from rest to rest, as a multiple of the mean one.
-const PEAK_TO_MEAN_SPEED: f64 = 1.875;
+pub(super) const PEAK_TO_MEAN_SPEED: f64 = 1.875;
+
+/// The task of a line on which each position is near the one before, and the places of a step.
+pub(super) type Followed<const N: usize> = (Task, Option<Vec<Joints<N>>>);
 
 /// A motion, from its command to its end.
 #[derive(Debug)]
@@ -49,6 +52,10 @@ enum Kind<const N: usize> {
     Path {
         path: Box<Path<N>>,
         task: Task,
+        /// The joints change little from place to place: the search begins where they are.
+        is_followed: bool,
+        /// Joint positions evenly spaced on the line, which the arm goes through.
+        places: Option<Vec<Joints<N>>>,
         time: f64,
         fraction: f64,
         still: Option<Measured<N>>,
@@ -107,13 +114,14 @@ impl<const N: usize> Motion<N> {
         })
     }
 
-    /// Plans a path to `goal` from `start`; continues the path of `before`, if it has one.
+    /// Plans a path to `goal` from `start`; continues the path of `before`, if it has one. `followed`:
+    /// none where the posture has to change on the way.
     pub(super) fn to(
         arm: &ArmAdapter<N>,
         settings: Settings<N>,
         chain: Chain<N>,
         (start, goal): (Joints<N>, Joints<N>),
-        (target, task): (Pose, Task),
+        (target, task, followed): (Pose, Task, Option<Followed<N>>),
         duration: f64,
         before: Option<&Self>,
     ) -> Result<Self, DeviceError> {
@@ -126,9 +134,15 @@ impl<const N: usize> Motion<N> {
         let way = (end.translation.vector - from.0.translation.vector).norm();
         let duration = duration.max(PEAK_TO_MEAN_SPEED * way / MAX_TOOL_SPEED);
         let path = Path::new(from, (end, goal), duration, left);
+        let line = followed.as_ref();
+        // A path that continues another one begins with its velocity, beside the line.
+        let places = line.and_then(|(_, places)| places.clone());
+        let places = places.filter(|_| left.is_none());
         let kind = Kind::Path {
             path: Box::new(path),
-            task,
+            task: line.as_ref().map_or(task, |(task, _)| *task),
+            is_followed: line.is_some(),
+            places,
             time: 0.0,
             fraction: -1.0,
             still: None,
@@ -233,6 +247,8 @@ impl<const N: usize> Motion<N> {
             Kind::Path {
                 path,
                 task,
+                is_followed,
+                places,
                 time,
                 fraction,
                 ..
@@ -245,7 +261,14 @@ impl<const N: usize> Motion<N> {
                 if path.has_ended(*time) {
                     return joints;
                 }
-                self.settings.step(&self.chain, &pose, *task, &joints).0
+                if let Some(places) = places {
+                    return between(places, covered);
+                }
+                let guess = match is_followed {
+                    true => self.commanded,
+                    false => joints,
+                };
+                self.settings.step(&self.chain, &pose, *task, &guess).0
             }
             Kind::Velocity {
                 linear,
@@ -331,4 +354,13 @@ impl<const N: usize> Motion<N> {
         }
         measured.time - since.time > SETTLE_TIMEOUT
     }
+}
+
+/// Returns the joints at a share of the way through evenly spaced places.
+fn between<const N: usize>(places: &[Joints<N>], share: f64) -> Joints<N> {
+    let parts = places.len().saturating_sub(1);
+    let at = share.clamp(0.0, 1.0) * parts as f64;
+    let before = (at as usize).min(parts);
+    let after = (before + 1).min(parts);
+    places[before].lerp(&places[after], at - before as f64)
 }

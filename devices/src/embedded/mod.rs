@@ -69,4 +69,4 @@ pub mod protocol;
 pub use cycle_timer::{CycleStatistics, PeriodicTimer};
 pub use driver::{CartesianPose, DriverOptions, EmbeddedWam, LinkState, LinkStatus};
 pub use link_setup::{ARM_PORT, LinkAddresses, LinkMode, PACKET_PORT};
-pub use node::{NodeOptions, NodeStatus, WamNode};
+pub use node::{CartesianMoves, NodeOptions, NodeStatus, WamNode};

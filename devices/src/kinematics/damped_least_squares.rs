@@ -186,6 +186,40 @@ impl<const N: usize> Solver<N> {
         Err(Unsolved { nearest })
     }
 
+    /// Returns the joint angles that turn no joint farther from `start` than necessary: the nearest among the solutions
+    /// of all attempts, by the joint that turns farthest.
+    ///
+    /// Errors: [`Unsolved`] with the nearest that was found.
+    pub fn solve_nearest(
+        &self,
+        target: &Pose,
+        start: &Joints<N>,
+    ) -> Result<Solution<N>, Unsolved<N>> {
+        let options = SolverOptions {
+            attempts: 1,
+            ..self.options
+        };
+        let solver = Self::with_options(self.chain.clone(), options);
+        let mut nearest = self.solve(target, start)?;
+        let turned = |joints: &Joints<N>| (joints - start).abs().max();
+        let mut random = Random::new(self.options.seed);
+        for attempt in 2..=self.options.attempts.max(1) {
+            // Starts spread around the present posture, wider with each attempt.
+            let spread = attempt as f64 / self.options.attempts as f64;
+            let guess = Joints::from_fn(|joint, _| {
+                let limits = self.chain.limits()[joint];
+                let anywhere = random.between(limits.min, limits.max);
+                start[joint] + spread * (anywhere - start[joint])
+            });
+            if let Ok(found) = solver.solve(target, &guess)
+                && turned(&found.joints) < turned(&nearest.joints)
+            {
+                nearest = found;
+            }
+        }
+        Ok(nearest)
+    }
+
     fn is_solved(&self, error: &Vector6<f64>) -> bool {
         let (position, angle) = distances(error);
         position <= self.options.position_tolerance && angle <= self.options.angle_tolerance

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use nalgebra::{Rotation3, Translation3};
 
+use super::MAX_JOINT_CHANGE_PER_STEP;
 use super::synchronised_joints::share;
 use crate::kinematics::{Joints, Pose, Solver, Unsolved, rotation_vector};
 
@@ -23,6 +24,9 @@ pub struct StraightLineOptions {
     pub turn_acceleration: f64,
     /// Maximum speed of any joint on the way, rad/s.
     pub joint_speed: f64,
+    /// Maximum change of any joint for each [`STEP_LENGTH`](super::STEP_LENGTH) of the way or
+    /// [`STEP_ANGLE`](super::STEP_ANGLE) of the rotation that has begun, rad; infinite to allow every posture.
+    pub joint_change_per_step: f64,
 }
 
 /// The tool's defaults of libbarrett (`systems/wam.h`) and the joints' largest speed of owd.
@@ -34,6 +38,7 @@ impl Default for StraightLineOptions {
             turn_speed: 0.5,
             turn_acceleration: 0.5,
             joint_speed: 2.5,
+            joint_change_per_step: MAX_JOINT_CHANGE_PER_STEP,
         }
     }
 }
@@ -76,6 +81,20 @@ pub enum StraightLineError<const N: usize> {
         /// Position on the path.
         percent: f64,
     },
+    /// A joint would turn far although the tool does not: the arm would change its posture.
+    #[error(
+        "the line turns joint {joint} by {change:.2} rad at {percent:.0} % of its way, allowed are {most:.2} rad for a way of this length; move the joints to another posture first"
+    )]
+    PostureChange {
+        /// The joint, counted from 0.
+        joint: usize,
+        /// rad, from the start of the line.
+        change: f64,
+        /// rad.
+        most: f64,
+        /// Position on the path.
+        percent: f64,
+    },
 }
 
 /// A straight way of the tool, as joint angles for every control period.
@@ -111,6 +130,7 @@ impl<const N: usize> StraightLine<N> {
             (options.speed / distance).min(options.turn_speed / angle),
             (options.acceleration / distance).min(options.turn_acceleration / angle),
         );
+        let most = options.largest_joint_change(distance, angle);
         let mut joints = Vec::new();
         let mut before = *start;
         loop {
@@ -135,6 +155,16 @@ impl<const N: usize> StraightLine<N> {
                     percent,
                 });
             }
+            let changes = now - start;
+            let joint = changes.iamax();
+            if changes[joint].abs() > most {
+                return Err(StraightLineError::PostureChange {
+                    joint,
+                    change: changes[joint].abs(),
+                    most,
+                    percent,
+                });
+            }
             joints.push(now);
             before = now;
             if share.is_done() {
@@ -148,6 +178,11 @@ impl<const N: usize> StraightLine<N> {
         let joints = self.joints.get(self.next).copied();
         self.next += 1;
         joints
+    }
+
+    /// Returns the joint angles at the end of the line.
+    pub fn last_joints(&self) -> Option<&Joints<N>> {
+        self.joints.last()
     }
 
     /// Returns the number of periods.

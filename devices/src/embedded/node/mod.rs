@@ -1,5 +1,6 @@
 //! The embedded server, which runs on the arm's PC.
 
+mod line_follower;
 mod motion_completion;
 mod node_arm;
 mod node_session;
@@ -12,6 +13,7 @@ use std::time::Duration;
 use tracing::{info, warn};
 
 use self::node_arm::Arm;
+pub use self::node_arm::CartesianMoves;
 use self::node_session::{End, Session};
 use super::backoff::Backoff;
 use super::link_setup::{LinkAddresses, LinkConnector, LinkMode, join};
@@ -30,6 +32,8 @@ pub struct NodeOptions {
     pub initial_backoff: Duration,
     /// The longest such pause.
     pub max_backoff: Duration,
+    /// Moves of the tool.
+    pub moves: CartesianMoves,
 }
 
 impl NodeOptions {
@@ -42,6 +46,7 @@ impl NodeOptions {
             idle_timeout: Duration::from_secs(5),
             initial_backoff: Duration::from_millis(50),
             max_backoff: Duration::from_secs(1),
+            moves: CartesianMoves::default(),
         }
     }
 }
@@ -65,6 +70,8 @@ pub struct NodeStatus {
 ///
 /// * The arm is idle until the first `gra`, which puts its joints into position mode: held, with gravity compensated.
 /// * A command replaces the previous one; nothing is queued.
+/// * `moc` moves the tool on a straight line, in the posture that the arm has; a line that would need another one is
+///   refused ([`CartesianMoves`]).
 /// * When the client disconnects, in any way, the server stops the current move and the arm holds.
 /// * A thread of its own does all of it. Dropping the server joins it; the arm holds as long as its device lives.
 #[derive(Debug)]
@@ -93,7 +100,7 @@ impl WamNode {
     /// Errors: [`DeviceError::NotSupported`] for a device that has not seven joints with encoders, position control and
     /// modes; [`DeviceError::Start`] if the ports to listen at are taken, or the machine has no thread left.
     pub fn start(device: Arc<dyn Device>, options: NodeOptions) -> Result<Self, DeviceError> {
-        let arm = Arm::new(device)?;
+        let arm = Arm::new(device, options.moves)?;
         arm.rest()?;
         let failed = |what| move |source| DeviceError::Start { what, source };
         let (connector, addresses) = LinkConnector::start(options.link_mode)

@@ -5,9 +5,11 @@ use std::time::Instant;
 
 use nalgebra::{IsometryMatrix3, Translation3};
 
+use super::line_follower::{LINE_PERIOD, LineFollower};
 use super::motion_completion::{Ended, Motion};
 use crate::embedded::protocol::{POSE, Reply, Request};
-use crate::kinematics::{EulerXyz, Joints, Solver};
+use crate::kinematics::{EulerXyz, Joints, Pose, Solver, SolverOptions};
+use crate::trajectory::{StraightLine, StraightLineError, StraightLineOptions};
 use crate::wam::{AXES, WamModel};
 use crate::{
     Axes, ControlLimits, ControlMode, Device, DeviceError, EncoderReading, Encoders, Mode,
@@ -32,6 +34,8 @@ pub(super) enum Refusal {
         "no joint angles bring the tool there: the nearest is {millimetres:.1} mm and {degrees:.2} degrees off"
     )]
     OutOfReach { millimetres: f64, degrees: f64 },
+    #[error(transparent)]
+    Line(#[from] StraightLineError<AXES>),
     #[error("too many queries for the end of one move")]
     TooManyQueries,
 }
@@ -40,12 +44,27 @@ pub(super) enum Refusal {
 pub(super) struct Arm {
     device: Arc<dyn Device>,
     model: WamModel<AXES>,
-    solver: Solver<AXES>,
+    /// From where the arm is, to the nearest posture.
+    near: Solver<AXES>,
+    /// To any posture, where that is allowed.
+    far: Solver<AXES>,
+    moves: CartesianMoves,
+    line: LineFollower<AXES>,
     pub(super) motion: Motion,
 }
 
+/// Moves of the tool that a server makes (`moc`).
+#[derive(Clone, Copy, Debug, Default)]
+pub struct CartesianMoves {
+    /// Speeds of the tool on its line, and the change of the joints that it may need.
+    pub line: StraightLineOptions,
+    /// Moves the joints to the posture nearest to the present one where the tool cannot follow a straight line to the
+    /// pose. The tool then leaves the line, and joints may turn far.
+    pub allow_posture_changes: bool,
+}
+
 impl Arm {
-    pub(super) fn new(device: Arc<dyn Device>) -> Result<Self, DeviceError> {
+    pub(super) fn new(device: Arc<dyn Device>, moves: CartesianMoves) -> Result<Self, DeviceError> {
         let lacks = |what: &str| DeviceError::NotSupported {
             what: format!("serving an arm without {what}"),
         };
@@ -64,8 +83,15 @@ impl Arm {
             .position_control()
             .ok_or_else(|| lacks("position control"))?;
         let model = WamModel::<AXES>::new();
+        let near = SolverOptions {
+            attempts: 1,
+            ..SolverOptions::default()
+        };
         Ok(Self {
-            solver: Solver::new(model.chain.clone()),
+            near: Solver::with_options(model.chain.clone(), near),
+            far: Solver::new(model.chain.clone()),
+            line: LineFollower::start(Arc::clone(&device), model.chain.clone())?,
+            moves,
             model,
             device,
             motion: Motion::default(),
@@ -104,7 +130,8 @@ impl Arm {
         if !self.motion.is_running() {
             return;
         }
-        if let Err(error) = self.position().stop(Axes::All) {
+        let ended = self.line.end();
+        if let Err(error) = ended.and_then(|()| self.position().stop(Axes::All)) {
             tracing::error!(%error, "the arm could not be stopped");
         }
         self.motion.begin();
@@ -123,10 +150,7 @@ impl Arm {
                 let targets = angles.iter().map(|angle| angle.to_degrees()).collect();
                 self.go(targets)
             }
-            Request::MovePose(pose) => {
-                let angles = self.solve(pose)?;
-                self.go(angles.iter().map(|angle| angle.to_degrees()).collect())
-            }
+            Request::MovePose(pose) => self.move_tool(pose),
             Request::Home => {
                 let home = self.model.home;
                 self.go(home.iter().map(|angle| angle.to_degrees()).collect())
@@ -147,27 +171,39 @@ impl Arm {
         }
     }
 
-    fn go(&mut self, mut targets: Vec<f64>) -> Result<Reply, Refusal> {
+    /// Checks that the joints are held, or follow a line of this server.
+    fn check_held(&self) -> Result<(), Refusal> {
+        let on_line = self.line.is_running();
         for (joint, mode) in self.control_modes()?.into_iter().enumerate() {
             match mode {
                 Mode::Position => {}
+                Mode::PositionDirect if on_line => {}
                 Mode::HardwareFault => return Err(Refusal::Fault { joint }),
                 mode => return Err(Refusal::NotHeld { joint, mode }),
             }
         }
+        Ok(())
+    }
+
+    fn go(&mut self, mut targets: Vec<f64>) -> Result<Reply, Refusal> {
+        self.check_held()?;
         for (joint, target) in targets.iter_mut().enumerate() {
             let limits = self.limits().position_limits(joint.into())?;
             let inside = limits.clamp(*target);
             if (inside - *target).abs() < LIMIT_TOLERANCE {
                 *target = inside;
             }
+            limits.check(joint.into(), "position", *target, "deg")?;
         }
+        // The newer move wins.
+        self.line.end()?;
         self.position().position_move(Axes::All, &targets)?;
         self.motion.begin();
         Ok(Reply::Done)
     }
 
-    fn solve(&self, pose: &[f64; POSE]) -> Result<Joints<AXES>, Refusal> {
+    /// Moves the tool on a straight line, in the posture that the arm has.
+    fn move_tool(&mut self, pose: &[f64; POSE]) -> Result<Reply, Refusal> {
         let [x, y, z, roll, pitch, yaw] = *pose;
         if pose.iter().any(|number| !number.is_finite()) {
             return Err(Refusal::NotFinite);
@@ -176,7 +212,34 @@ impl Arm {
             Translation3::new(x, y, z),
             EulerXyz::new(roll, pitch, yaw).rotation(),
         );
-        let found = self.solver.solve(&target, &self.angles()?);
+        self.check_held()?;
+        let start = match self.line.commanded() {
+            Some(commanded) => commanded,
+            None => self.angles()?,
+        };
+        let options = &self.moves.line;
+        match StraightLine::plan(&self.near, &start, &target, options, LINE_PERIOD) {
+            Ok(line) => {
+                // A running joint move would go on as soon as the line ends.
+                self.position().stop(Axes::All)?;
+                self.line.begin(line, start)?;
+                self.motion.begin();
+                Ok(Reply::Done)
+            }
+            Err(_) if self.moves.allow_posture_changes => {
+                let angles = self.nearest_posture(&target, &start)?;
+                self.go(angles.iter().map(|angle| angle.to_degrees()).collect())
+            }
+            Err(refused) => Err(refused.into()),
+        }
+    }
+
+    fn nearest_posture(
+        &self,
+        target: &Pose,
+        start: &Joints<AXES>,
+    ) -> Result<Joints<AXES>, Refusal> {
+        let found = self.far.solve_nearest(target, start);
         let found = found.map_err(|unsolved| Refusal::OutOfReach {
             millimetres: unsolved.nearest.position_error * 1e3,
             degrees: unsolved.nearest.angle_error.to_degrees(),
@@ -227,12 +290,15 @@ impl Arm {
                 .readings()?
                 .iter()
                 .fold(0.0_f64, |fastest, reading| fastest.max(reading.speed.abs()));
-            let arrived = self.position().motion_done(Axes::All)?;
+            let arrived = !self.line.is_running() && self.position().motion_done(Axes::All)?;
             Ok::<_, DeviceError>((fault, arrived, fastest))
         };
         match state() {
             Ok((Some(joint), ..)) => Some(self.motion.fail(&format!("fault at joint {joint}"))),
             Ok((None, arrived, fastest)) => {
+                if let Some(failure) = self.line.take_failure() {
+                    return Some(self.motion.fail(&failure.to_string()));
+                }
                 let still = arrived && Motion::is_still(fastest.to_radians());
                 self.motion.look(Instant::now(), still)
             }

@@ -1,0 +1,138 @@
+//! `moc` moves the tool on a straight line, and is refused where the line would need another posture.
+
+mod embedded;
+
+use std::sync::Arc;
+
+use embedded::{at_rest, driver_options, eventually, ideal_arm, node_options, place};
+use yarp_devices::embedded::{CartesianPose, EmbeddedWam, LinkMode, WamNode};
+use yarp_devices::kinematics::{EulerXyz, Joints, Pose};
+use yarp_devices::wam::{SimulatedWam, WamModel};
+use yarp_devices::{Axes, ControlMode, DeviceError, Encoders, Mode, PositionControl};
+
+/// rad
+const START: [f64; 7] = [0.2, 0.8, 0.0, 1.6, 0.0, 0.3, 0.0];
+
+fn connected(arm: &Arc<SimulatedWam>, allow_posture_changes: bool) -> (EmbeddedWam, WamNode) {
+    let driver = EmbeddedWam::start(driver_options(LinkMode::listen_on_loopback())).unwrap();
+    let mut options = node_options(LinkMode::Connect(driver.addresses()));
+    options.moves.allow_posture_changes = allow_posture_changes;
+    let node = WamNode::start(Arc::clone(arm) as _, options).unwrap();
+    at_rest(&driver);
+    (driver, node)
+}
+
+fn start_at(arm: &SimulatedWam, joints: [f64; 7]) {
+    let degrees = joints.map(f64::to_degrees);
+    arm.set_control_modes(Axes::All, &[Mode::PositionDirect; 7])
+        .unwrap();
+    use yarp_devices::PositionDirect as _;
+    arm.set_direct_positions(Axes::All, &degrees).unwrap();
+    eventually("the start", || (place(arm, 1) - degrees[1]).abs() < 1e-6);
+    arm.set_control_modes(Axes::All, &[Mode::Position; 7])
+        .unwrap();
+}
+
+fn joints(arm: &SimulatedWam) -> Joints<7> {
+    let readings = arm.encoder_readings(Axes::All).unwrap();
+    Joints::from_fn(|joint, _| readings[joint].position.to_radians())
+}
+
+fn wire(pose: &Pose) -> CartesianPose {
+    let turn = EulerXyz::from_rotation(&pose.rotation);
+    CartesianPose {
+        place: pose.translation.vector.into(),
+        turn: [turn.roll, turn.pitch, turn.yaw].map(f64::to_degrees),
+    }
+}
+
+#[test]
+fn the_tool_goes_straight_and_the_arm_holds_in_position_mode_at_the_end() {
+    let arm = ideal_arm();
+    start_at(&arm, START);
+    let (driver, _node) = connected(&arm, false);
+    let chain = WamModel::<7>::new().chain;
+    let from = chain.forward(&joints(&arm));
+    let mut target = from;
+    target.translation.vector += nalgebra::Vector3::new(0.03, -0.08, 0.05);
+    let way = target.translation.vector - from.translation.vector;
+    driver.move_to(wire(&target)).unwrap();
+    let mut places = 0;
+    eventually("the target", || {
+        let now = chain.forward(&joints(&arm)).translation.vector - from.translation.vector;
+        let along = now.dot(&way) / way.norm_squared();
+        let off = (now - way * along).norm();
+        assert!(off < 1e-3, "{off} m beside the line");
+        if (0.1..0.9).contains(&along) {
+            places += 1;
+        }
+        driver.motion_done(Axes::All).unwrap()
+    });
+    assert!(places > 5, "it was seen on its way");
+    let end = chain.forward(&joints(&arm));
+    assert!((end.translation.vector - target.translation.vector).norm() < 1e-4);
+    assert!(end.rotation.angle_to(&target.rotation) < 1e-4);
+    assert_eq!(arm.control_modes(Axes::All).unwrap(), [Mode::Position; 7]);
+    assert_eq!(driver.link().last_interruption, None);
+}
+
+#[test]
+fn a_newer_joint_move_takes_the_arm_off_its_line() {
+    let arm = ideal_arm();
+    start_at(&arm, START);
+    let (driver, _node) = connected(&arm, false);
+    let mut target = WamModel::<7>::new().chain.forward(&joints(&arm));
+    target.translation.y -= 0.3;
+    driver.move_to(wire(&target)).unwrap();
+    eventually("the line", || {
+        arm.control_modes(Axes::All).unwrap() == [Mode::PositionDirect; 7]
+    });
+    driver.position_move(Axes::One(6.into()), &[20.0]).unwrap();
+    at_rest(&driver);
+    assert!((place(arm.as_ref(), 6) - 20.0).abs() < 1e-6);
+    assert_eq!(arm.control_modes(Axes::All).unwrap(), [Mode::Position; 7]);
+}
+
+#[test]
+fn a_line_ends_when_a_joint_is_taken_and_the_client_is_told() {
+    let arm = ideal_arm();
+    start_at(&arm, START);
+    let (driver, _node) = connected(&arm, false);
+    let mut target = WamModel::<7>::new().chain.forward(&joints(&arm));
+    target.translation.y -= 0.3;
+    driver.move_to(wire(&target)).unwrap();
+    eventually("the line", || {
+        arm.control_modes(Axes::All).unwrap() == [Mode::PositionDirect; 7]
+    });
+    arm.set_control_modes(Axes::One(3.into()), &[Mode::Velocity])
+        .unwrap();
+    eventually("the end", || driver.link().last_interruption.is_some());
+    let told = driver.link().last_interruption.unwrap();
+    assert!(told.contains("joint 3"), "{told}");
+}
+
+#[test]
+fn another_posture_needs_permission() {
+    // The elbow stretches and bends again: a line through the shoulder's axis.
+    let far = Joints::<7>::from([2.4, 0.8, 0.0, 1.6, 0.0, 0.3, 0.0]);
+    let target = wire(&WamModel::<7>::new().chain.forward(&far));
+    let refused = {
+        let arm = ideal_arm();
+        start_at(&arm, [-2.4, 0.8, 0.0, 1.6, 0.0, 0.3, 0.0]);
+        let before = joints(&arm);
+        let (driver, node) = connected(&arm, false);
+        let refused = driver.move_to(target).unwrap_err();
+        assert_eq!(joints(&arm), before);
+        assert_eq!(node.status().refused, 1);
+        refused
+    };
+    assert!(matches!(refused, DeviceError::Refused { .. }), "{refused}");
+    let arm = ideal_arm();
+    start_at(&arm, [-2.4, 0.8, 0.0, 1.6, 0.0, 0.3, 0.0]);
+    let (driver, _node) = connected(&arm, true);
+    driver.move_to(target).unwrap();
+    at_rest(&driver);
+    let end = WamModel::<7>::new().chain.forward(&joints(&arm));
+    let missed = end.translation.vector - nalgebra::Vector3::from(target.place);
+    assert!(missed.norm() < 1e-4, "{missed}");
+}
