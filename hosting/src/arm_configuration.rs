@@ -97,8 +97,8 @@ impl ArmConfiguration {
         })
     }
 
-    /// Puts guards in front of an arm at its own limits if they are wanted, or by default unless they are not. Wider
-    /// settings are logged.
+    /// Puts guards in front of an arm at its own limits if they are wanted, or by default unless they are not; the software
+    /// stop in any case. Wider settings are logged.
     ///
     /// Errors: those of [`Guarded::around`].
     pub fn guard(
@@ -112,7 +112,9 @@ impl ArmConfiguration {
                     "no guards in front of the arm: a velocity or torque holds until told otherwise"
                 );
             }
-            return Ok(arm);
+            // Without limits and watchdogs it offers the software stop.
+            let none = GuardedOptions::default();
+            return Ok(Arc::new(Guarded::around(arm, none)?));
         }
         let mut options = GuardedOptions::of_device(arm.as_ref())?;
         options.watchdog = Some(self.guards.velocity_timeout);

@@ -11,6 +11,7 @@
 //! * [`analog_sensors`]: sensors of several kinds. [`AnalogSensorsServer`], [`RemoteAnalogSensors`].
 //! * [`analog_sensor`]: one sensor of several channels, of YARP 3.x. [`AnalogSensorServer`], [`RemoteAnalogSensor`].
 //! * [`hand`]: a hand as a whole, with grasps. [`HandServer`], [`RemoteHand`].
+//! * [`software_stop`]: stops a device, whatever else is asked of it. [`StopServer`].
 //! * [`thrift`]: calls of services as 4.0 puts them on the wire.
 //!
 //! Units are those of the interfaces: degrees and metres; radians for the orientation of a tool alone.
@@ -27,6 +28,7 @@ mod open_ports;
 mod page_request;
 mod periodic_thread;
 mod reconnect;
+pub mod software_stop;
 pub mod thrift;
 
 pub use analog_sensor::{
@@ -50,6 +52,7 @@ pub use frame_grabber::{
 };
 
 pub use hand::{HandServer, RemoteHand, RemoteHandOptions};
+pub use software_stop::StopServer;
 
 /// Compiles the example of the README.
 #[cfg(doctest)]

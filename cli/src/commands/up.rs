@@ -17,7 +17,7 @@ use yarp_view::{View, ViewOptions};
 use yarp_wire::PortName;
 use yarp_wrappers::{
     CartesianServer, CartesianServerOptions, CartesianVersion, ControlBoardOptions,
-    ControlBoardServer,
+    ControlBoardServer, StopServer,
 };
 
 use crate::arm_selection::{Arm, ArmArgs, LinkModeArgs};
@@ -29,13 +29,14 @@ use crate::{network_access, stock_log, systemd_notify};
 use super::view::{ViewArgs, warn_missing};
 
 /// Ports of the arm, with their purposes.
-const PORTS: [(&str, &str); 6] = [
+const PORTS: [(&str, &str); 7] = [
     ("rpc:i", "RPC (YARP 3.x)"),
     ("nws/rpc:i", "RPC (YARP 4.0)"),
     ("command:i", "streaming commands"),
     ("state:o", "joint positions in degrees, 50 times a second"),
     ("stateExt:o", "the whole state, 50 times a second"),
     ("async:o", "motion completion events"),
+    ("stop/rpc:i", "software stop"),
 ];
 
 /// Prefix of the port names of the tool controller, as on iCub.
@@ -266,17 +267,29 @@ async fn open(
     let starting = tokio::task::spawn_blocking(move || arm.start(link_mode, &configuration));
     let arm = starting.await.expect("starting an arm does not panic")?;
     let options = ControlBoardOptions::new();
-    let board = ControlBoardServer::open(network, arm.clone(), name, options).await?;
+    let stop = StopServer::open(network, arm.clone(), name).await?;
+    let board = match ControlBoardServer::open(network, arm.clone(), name, options).await {
+        Ok(board) => board,
+        Err(failure) => {
+            stop.close().await;
+            return Err(failure.into());
+        }
+    };
+    let served = Served {
+        stop,
+        board,
+        tool: None,
+    };
     let Some(version) = cartesian else {
-        return Ok(Served { board, tool: None });
+        return Ok(served);
     };
     match open_tool(network, name, (arm, chain), version).await {
         Ok(tool) => Ok(Served {
-            board,
             tool: Some(tool),
+            ..served
         }),
         Err(failure) => {
-            board.close().await;
+            served.close().await;
             Err(failure)
         }
     }
@@ -295,8 +308,9 @@ async fn open_tool(
     Ok(CartesianServer::open(network, Arc::new(tool), &name, options).await?)
 }
 
-/// The arm, and the controller of its tool, if any.
+/// The arm, its software stop, and the controller of its tool, if any.
 struct Served {
+    stop: StopServer,
     board: ControlBoardServer,
     tool: Option<CartesianServer>,
 }
@@ -307,6 +321,7 @@ impl Served {
             tool.close().await;
         }
         self.board.close().await;
+        self.stop.close().await;
     }
 }
 
@@ -380,7 +395,8 @@ async fn print_summary(
 Try in another terminal:
   yarp read ... {name}/state:o                          # watch the joints
   echo '[get] [encs]' | yarp rpc {name}/rpc:i           # ask where they are
-  echo '[set] [pos] 3 90.0' | yarp rpc {name}/rpc:i     # move the elbow to 90 degrees"
+  echo '[set] [pos] 3 90.0' | yarp rpc {name}/rpc:i     # move the elbow to 90 degrees
+  yarp wam stop --name {name}                           # stop it, whatever it does"
     )?;
     if cartesian {
         writeln!(

@@ -7,9 +7,11 @@ use std::time::Duration;
 
 use yarp_devices::wam::can::ZeroCalibration;
 use yarp_devices::{Axes, Device, DeviceError, Encoders, RemoteVariables, VariableValue};
-use yarp_ports::{Network, PortError};
-use yarp_wire::PortName;
-use yarp_wrappers::{RemoteControlBoard, RemoteControlBoardOptions};
+use yarp_ports::{AdminClient, Network, PortError};
+use yarp_wire::carrier::Carrier;
+use yarp_wire::message::Command;
+use yarp_wire::{Bottle, Contact, PortName, Value, Vocab32};
+use yarp_wrappers::{RemoteControlBoard, RemoteControlBoardOptions, software_stop};
 
 use crate::error::{Failure, Result};
 use crate::network_access;
@@ -17,6 +19,8 @@ use crate::stdin_lines::Lines;
 
 /// Timeout of a confirmation: the driver wakes and checks all pucks meanwhile.
 const CONFIRMATION_TIMEOUT: Duration = Duration::from_secs(40);
+/// Timeout of the connection to the port of the software stop, and of its reply.
+const STOP_TIMEOUT: Duration = Duration::from_secs(10);
 /// Variables of the driver.
 const CONFIRM_HOME: &str = "confirm_home";
 const ZERO_ANGLES: &str = "zero_angles";
@@ -52,6 +56,17 @@ enum Task {
     Home(HomeArgs),
     /// Print the state of the arm
     Status(BoardArgs),
+    /// Stop the arm: every joint comes to rest and holds, and commands are refused until `yarp wam release`
+    ///
+    /// This is no emergency stop, for it needs the program that drives the arm and its machine. Press the red button of the
+    /// pendant in an emergency.
+    Stop(BoardArgs),
+    /// Have the arm brake: its safety module falls back to idle, and only the pendant activates it again
+    ///
+    /// An arm without a brake, such as the ideal simulation, is stopped.
+    Brake(BoardArgs),
+    /// Have the arm take commands again after `yarp wam stop` or `brake`; nothing moves until the next one
+    Release(BoardArgs),
 }
 
 #[derive(Debug, clap::Args)]
@@ -73,6 +88,9 @@ struct HomeArgs {
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     match args.task {
         Task::Home(args) => home(args, out).await,
+        Task::Stop(args) => request_stop(args, software_stop::STOP, out).await,
+        Task::Brake(args) => request_stop(args, software_stop::BRAKE, out).await,
+        Task::Release(args) => request_stop(args, software_stop::RELEASE, out).await,
         Task::Status(args) => {
             let board = connect(args.name).await?;
             let status = variable(&board, STATUS).await?;
@@ -80,6 +98,39 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
             Ok(ExitCode::SUCCESS)
         }
     }
+}
+
+/// Sends a request to the port of the software stop, which is not that of the control board.
+async fn request_stop(args: BoardArgs, word: &str, out: &mut dyn Write) -> Result<ExitCode> {
+    let port = software_stop::port_of(&args.name);
+    let network = network_access::network()?;
+    let contact = Contact::parse(&port);
+    let Some(place) = network_access::find(&network, &contact).await? else {
+        writeln!(
+            out,
+            "No port {port}: does the program that drives the arm run? Press the red button of the pendant to stop the arm."
+        )?;
+        return Ok(ExitCode::FAILURE);
+    };
+    let network = network.with_timeout(STOP_TIMEOUT);
+    let own = format!("{port}/attendant-{}", std::process::id());
+    let address = (place.host.as_str(), place.port);
+    let carrier = Carrier::by_name("tcp").expect("tcp is in the table");
+    let mut client = AdminClient::open(&place.name, address, carrier, &own, &network).await?;
+    let reply = client
+        .request(&Command::data(true), &Bottle::new().with(word))
+        .await?;
+    let reply = reply.to_bottle().map_err(|source| PortError::Unreadable {
+        peer: port.clone(),
+        source,
+    })?;
+    let text = |index| reply.get(index).and_then(Value::as_str).unwrap_or_default();
+    if reply.get(0).and_then(Value::as_vocab) == Some(Vocab32::OK) {
+        writeln!(out, "{}: {}", args.name, text(1))?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    writeln!(out, "{}: {}; state: {}", args.name, text(1), text(2))?;
+    Ok(ExitCode::FAILURE)
 }
 
 /// Connects to the program that drives the arm.

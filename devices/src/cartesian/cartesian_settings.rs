@@ -6,7 +6,9 @@ use crate::kinematics::{
     Chain, Joints, Pose, Redundancy, Solution, Solver, SolverOptions, Task, distances,
     rotation_vector,
 };
-use crate::trajectory::{MAX_JOINT_CHANGE_PER_STEP, STEP_ANGLE, STEP_LENGTH, largest_joint_change};
+use crate::trajectory::{
+    MAX_JOINT_CHANGE_PER_STEP, MAX_TOOL_SPEED, STEP_ANGLE, STEP_LENGTH, largest_joint_change,
+};
 use crate::{Limits, Priority};
 
 /// Number of starts tried for a target, and for each step on the way to it.
@@ -33,7 +35,8 @@ pub(super) struct Way<const N: usize> {
     pub(super) joints: Joints<N>,
     /// The task that can be followed on the whole line.
     pub(super) task: Task,
-    /// Minimum mean time for a step, s, in which every joint keeps up: the whole line at the rate of its steepest part.
+    /// Minimum mean time for a step, s, in which every joint and every link keeps up: the whole line at the rate of its
+    /// steepest part.
     /// 0 for a longer way, on which the tool may leave the line rather than wait for a joint.
     pub(super) time: f64,
     /// The joint positions along a step, evenly spaced from its start to its end, rad: the arm goes exactly there. None for
@@ -288,6 +291,7 @@ impl<const N: usize> Settings<N> {
                     time = time.max(step * places / speed);
                 }
             }
+            time = time.max(swept(chain, &before, &now) * places / MAX_TOOL_SPEED);
             if let Some(kept) = &mut kept {
                 kept.push(now);
             }
@@ -322,6 +326,24 @@ impl<const N: usize> Settings<N> {
         let nearest = either(found.map_err(|unsolved| unsolved.nearest));
         (nearest.joints, gets_there)
     }
+}
+
+/// Returns the largest displacement of elbow, wrist or tool between two places, m.
+pub(super) fn swept<const N: usize>(chain: &Chain<N>, one: &Joints<N>, other: &Joints<N>) -> f64 {
+    let places = |joints: &Joints<N>| {
+        let frames = chain.frames(joints);
+        let tool = frames[N - 1] * chain.tool();
+        (
+            frames.map(|frame| frame.translation.vector),
+            tool.translation.vector,
+        )
+    };
+    let (before, after) = (places(one), places(other));
+    let links = before.0.iter().zip(&after.0);
+    let tool = (after.1 - before.1).norm();
+    links
+        .map(|(one, other)| (other - one).norm())
+        .fold(tool, f64::max)
 }
 
 fn either<const N: usize>(found: Result<Solution<N>, Solution<N>>) -> Solution<N> {

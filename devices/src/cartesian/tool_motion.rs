@@ -3,7 +3,7 @@
 use nalgebra::{Rotation3, Translation3, Vector3};
 
 use super::arm_adapter::{ArmAdapter, Measured};
-use super::cartesian_settings::Settings;
+use super::cartesian_settings::{Settings, swept};
 use super::minimum_jerk_path::Path;
 use crate::DeviceError;
 use crate::kinematics::{Chain, Joints, Pose, Task, distances};
@@ -311,20 +311,7 @@ impl<const N: usize> Motion<N> {
 
     /// Returns the largest displacement of elbow, wrist or tool in a step, m.
     fn swept(&self, step: &Joints<N>) -> f64 {
-        let places = |joints: &Joints<N>| {
-            let frames = self.chain.frames(joints);
-            let tool = frames[N - 1] * self.chain.tool();
-            (
-                frames.map(|frame| frame.translation.vector),
-                tool.translation.vector,
-            )
-        };
-        let (before, after) = (places(&self.commanded), places(&(self.commanded + step)));
-        let links = before.0.iter().zip(&after.0);
-        let tool = (after.1 - before.1).norm();
-        links
-            .map(|(one, other)| (other - one).norm())
-            .fold(tool, f64::max)
+        swept(&self.chain, &self.commanded, &(self.commanded + step))
     }
 
     /// Returns whether the target is reached, or the arm is as near as it gets.

@@ -45,6 +45,7 @@ impl Guarded {
 /// A stream of velocities that stops leads to hold, as that of [`VelocityControl`](crate::VelocityControl).
 impl VelocityDirect for Guarded {
     fn set_direct_velocities(&self, axes: Axes<'_>, velocities: &[f64]) -> Result<(), DeviceError> {
+        self.admit()?;
         let total = self.total();
         axes.check_command(total, "velocities", velocities.len())?;
         for (joint, asked) in pairs(axes, total, velocities) {
@@ -81,6 +82,7 @@ impl CurrentControl for Guarded {
 
     /// Sets currents; when their stream stops, the joint is put into position mode and holds.
     fn set_reference_currents(&self, axes: Axes<'_>, currents: &[f64]) -> Result<(), DeviceError> {
+        self.admit()?;
         let total = self.total();
         axes.check_command(total, "currents", currents.len())?;
         for (motor, asked) in pairs(axes, total, currents) {
@@ -109,6 +111,7 @@ impl PwmControl for Guarded {
         axes: Axes<'_>,
         duty_cycles: &[f64],
     ) -> Result<(), DeviceError> {
+        self.admit()?;
         self.duty()?.set_reference_duty_cycles(axes, duty_cycles)?;
         self.record_efforts(axes);
         Ok(())
@@ -125,6 +128,7 @@ impl ImpedanceControl for Guarded {
     }
 
     fn set_impedance(&self, axis: AxisIndex, impedance: Impedance) -> Result<(), DeviceError> {
+        self.admit()?;
         self.compliance()?.set_impedance(axis, impedance)
     }
 
@@ -134,6 +138,7 @@ impl ImpedanceControl for Guarded {
 
     /// The offset is a torque, within the torque limits.
     fn set_impedance_offset(&self, axis: AxisIndex, offset: f64) -> Result<(), DeviceError> {
+        self.admit()?;
         self.check_torques(Axes::One(axis), &[offset])?;
         self.compliance()?.set_impedance_offset(axis, offset)
     }
@@ -159,6 +164,7 @@ impl PidControl for Guarded {
     }
 
     fn set_pids(&self, kind: PidKind, axes: Axes<'_>, pids: &[Pid]) -> Result<(), DeviceError> {
+        self.admit()?;
         let total = self.total();
         axes.check_command(total, "gains", pids.len())?;
         if kind != PidKind::Current {
@@ -184,6 +190,7 @@ impl PidControl for Guarded {
         axes: Axes<'_>,
         values: &[f64],
     ) -> Result<(), DeviceError> {
+        self.admit()?;
         let total = self.total();
         axes.check_command(total, "values", values.len())?;
         match (value, kind) {
@@ -211,10 +218,12 @@ impl PidControl for Guarded {
     }
 
     fn enable_pids(&self, kind: PidKind, axes: Axes<'_>, enabled: bool) -> Result<(), DeviceError> {
+        self.admit()?;
         self.loops()?.enable_pids(kind, axes, enabled)
     }
 
     fn reset_pids(&self, kind: PidKind, axes: Axes<'_>) -> Result<(), DeviceError> {
+        self.admit()?;
         self.loops()?.reset_pids(kind, axes)
     }
 }

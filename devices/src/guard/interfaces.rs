@@ -4,9 +4,10 @@ use super::{Guarded, pairs, unit};
 use crate::{
     AmplifierControl, Axes, AxisIndex, AxisInfo, ControlCalibration, ControlLimits, ControlMode,
     CurrentControl, Device, DeviceError, EncoderReading, Encoders, Grasp, Hand, ImpedanceControl,
-    InteractionMode, JointBrake, JointFault, JointType, Limits, Mode, MotionControl, Motor,
-    MotorEncoders, PidControl, PositionControl, PositionDirect, PwmControl, RemoteCalibrator,
-    RemoteVariables, TorqueControl, VelocityControl, VelocityDirect,
+    InteractionMode, JointBrake, JointFault, JointType, Limits, MachineBrake, Mode, MotionControl,
+    Motor, MotorEncoders, PidControl, PositionControl, PositionDirect, PwmControl,
+    RemoteCalibrator, RemoteVariables, SoftwareStop, TorqueControl, VelocityControl,
+    VelocityDirect,
 };
 
 impl Device for Guarded {
@@ -63,7 +64,7 @@ impl Device for Guarded {
     }
 
     fn interaction_mode(&self) -> Option<&dyn InteractionMode> {
-        self.device().interaction_mode()
+        self.device().interaction_mode().map(|_| self as _)
     }
 
     fn motor_encoders(&self) -> Option<&dyn MotorEncoders> {
@@ -79,15 +80,15 @@ impl Device for Guarded {
     }
 
     fn control_calibration(&self) -> Option<&dyn ControlCalibration> {
-        self.device().control_calibration()
+        self.device().control_calibration().map(|_| self as _)
     }
 
     fn remote_calibrator(&self) -> Option<&dyn RemoteCalibrator> {
-        self.device().remote_calibrator()
+        self.device().remote_calibrator().map(|_| self as _)
     }
 
     fn remote_variables(&self) -> Option<&dyn RemoteVariables> {
-        self.device().remote_variables()
+        self.device().remote_variables().map(|_| self as _)
     }
 
     fn joint_fault(&self) -> Option<&dyn JointFault> {
@@ -96,6 +97,14 @@ impl Device for Guarded {
 
     fn joint_brake(&self) -> Option<&dyn JointBrake> {
         self.device().joint_brake()
+    }
+
+    fn software_stop(&self) -> Option<&dyn SoftwareStop> {
+        Some(self)
+    }
+
+    fn machine_brake(&self) -> Option<&dyn MachineBrake> {
+        self.device().machine_brake()
     }
 
     fn hand(&self) -> Option<&dyn Hand> {
@@ -126,6 +135,22 @@ impl Guarded {
 
     fn limits(&self) -> Result<&dyn ControlLimits, DeviceError> {
         has(self.device().control_limits(), "limits")
+    }
+
+    pub(super) fn named(&self) -> Result<&dyn RemoteVariables, DeviceError> {
+        has(self.device().remote_variables(), "variables")
+    }
+
+    pub(super) fn calibrator(&self) -> Result<&dyn RemoteCalibrator, DeviceError> {
+        has(self.device().remote_calibrator(), "a calibrator")
+    }
+
+    pub(super) fn interaction(&self) -> Result<&dyn InteractionMode, DeviceError> {
+        has(self.device().interaction_mode(), "interaction modes")
+    }
+
+    pub(super) fn calibration(&self) -> Result<&dyn ControlCalibration, DeviceError> {
+        has(self.device().control_calibration(), "calibration")
     }
 
     fn info(&self) -> Result<&dyn AxisInfo, DeviceError> {
@@ -231,6 +256,7 @@ impl MotionControl for Guarded {
 
 impl PositionControl for Guarded {
     fn position_move(&self, axes: Axes<'_>, targets: &[f64]) -> Result<(), DeviceError> {
+        self.admit()?;
         for (joint, asked) in pairs(axes, self.total(), targets) {
             let unit = self.unit(joint, 0);
             self.joint_limits.check_position(joint, asked, unit)?;
@@ -239,6 +265,7 @@ impl PositionControl for Guarded {
     }
 
     fn relative_move(&self, axes: Axes<'_>, distances: &[f64]) -> Result<(), DeviceError> {
+        self.admit()?;
         axes.check_command(self.total(), "distances", distances.len())?;
         for (joint, distance) in pairs(axes, self.total(), distances) {
             if let Some(here) = self.where_limited(joint)? {
@@ -273,6 +300,7 @@ impl PositionControl for Guarded {
 
 impl VelocityControl for Guarded {
     fn velocity_move(&self, axes: Axes<'_>, velocities: &[f64]) -> Result<(), DeviceError> {
+        self.admit()?;
         let total = self.total();
         axes.check_command(total, "velocities", velocities.len())?;
         for (joint, asked) in pairs(axes, total, velocities) {
@@ -298,6 +326,7 @@ impl Encoders for Guarded {
     }
 
     fn set_encoders(&self, axes: Axes<'_>, positions: &[f64]) -> Result<(), DeviceError> {
+        self.admit()?;
         self.measured()?.set_encoders(axes, positions)
     }
 }
@@ -325,6 +354,7 @@ impl ControlMode for Guarded {
     }
 
     fn set_control_modes(&self, axes: Axes<'_>, modes: &[Mode]) -> Result<(), DeviceError> {
+        self.admit()?;
         let total = self.total();
         axes.check_command(total, "modes", modes.len())?;
         for (joint, &mode) in axes.iter(total).zip(modes) {

@@ -5,6 +5,8 @@
 //! * [`RateLimits`]: maximum commanded speed and acceleration of joints.
 //! * [`TorqueLimits`]: maximum commanded torque of joints.
 //! * A watchdog: joints whose stream of velocities, torques, currents or duty cycles stops hold their positions.
+//! * A software stop ([`SoftwareStop`](crate::SoftwareStop)): every joint comes to rest and holds, and every command is
+//!   refused until it is released.
 //!
 //! A refusal is a [`DeviceError::Guarded`](crate::DeviceError::Guarded): it names the guard, the joint, the requested
 //! and the allowed value. A refused command does not reach the device.
@@ -15,6 +17,7 @@ mod guarded_device;
 mod interfaces;
 mod joint_limits;
 mod rate_limits;
+mod stop_switch;
 mod streaming_interfaces;
 mod torque_limits;
 mod watchdog;

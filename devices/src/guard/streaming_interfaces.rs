@@ -19,6 +19,7 @@ impl Guarded {
 /// A stream of positions needs no watchdog: a joint holds at the last one.
 impl PositionDirect for Guarded {
     fn set_direct_positions(&self, axes: Axes<'_>, positions: &[f64]) -> Result<(), DeviceError> {
+        self.admit()?;
         let total = self.total();
         axes.check_command(total, "positions", positions.len())?;
         for (joint, asked) in pairs(axes, total, positions) {
@@ -40,6 +41,7 @@ impl PositionDirect for Guarded {
 impl TorqueControl for Guarded {
     /// Sets torques; when their stream stops, the joint is put into position mode and holds.
     fn set_reference_torques(&self, axes: Axes<'_>, torques: &[f64]) -> Result<(), DeviceError> {
+        self.admit()?;
         self.check_torques(axes, torques)?;
         self.forces()?.set_reference_torques(axes, torques)?;
         for joint in axes.iter(self.total()) {

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use tracing::{error, warn};
 
 use super::JointLimits;
+use super::stop_switch::{StopSwitch, stop_joints};
 use crate::{Axes, AxisIndex, Device, DeviceError, Mode};
 
 /// Interval between checks of moving joints.
@@ -18,6 +19,8 @@ const STANDSTILL_SPEED: f64 = 1.0;
 pub(super) struct Watchdog {
     pub(super) device: Arc<dyn Device>,
     settings: WatchSettings,
+    /// The software stop, enforced by the thread as long as it is engaged.
+    pub(super) stop: StopSwitch,
     state: Mutex<State>,
     woken: Condvar,
 }
@@ -55,6 +58,7 @@ impl Watchdog {
         Self {
             device,
             settings,
+            stop: StopSwitch::default(),
             state: Mutex::new(State {
                 streams: vec![None; axes],
                 ending: false,
@@ -101,6 +105,13 @@ impl Watchdog {
         }
     }
 
+    /// Has the thread look at once.
+    pub(super) fn wake(&self) {
+        // Under the lock: the thread is not between its check and its wait.
+        let _state = self.lock();
+        self.woken.notify_all();
+    }
+
     pub(super) fn end(&self) {
         self.lock().ending = true;
         self.woken.notify_all();
@@ -109,8 +120,9 @@ impl Watchdog {
     /// Runs the watchdog until [`end`](Self::end).
     pub(super) fn run(&self) {
         let mut state = self.lock();
+        let mut failing = false;
         while !state.ending {
-            if state.streams.iter().all(Option::is_none) {
+            if state.streams.iter().all(Option::is_none) && !self.stop.is_engaged() {
                 state = self
                     .woken
                     .wait(state)
@@ -119,6 +131,9 @@ impl Watchdog {
             }
             let streams = state.streams.clone();
             drop(state);
+            if self.stop.is_engaged() {
+                self.enforce_stop(&mut failing);
+            }
             for (joint, stream) in streams.iter().enumerate() {
                 let Some(stream) = stream else { continue };
                 if let Some(why) = self.must_stop(joint.into(), stream) {
@@ -133,6 +148,17 @@ impl Watchdog {
                     .unwrap_or_else(PoisonError::into_inner);
             }
         }
+    }
+
+    /// A command that came at the same time as the stop may have got past it.
+    fn enforce_stop(&self, failing: &mut bool) {
+        let stopped = stop_joints(self.device.as_ref());
+        if let Err(error) = &stopped
+            && !*failing
+        {
+            error!(%error, "the software stop could not stop a joint; trying again");
+        }
+        *failing = stopped.is_err();
     }
 
     fn must_stop(&self, joint: AxisIndex, stream: &Stream) -> Option<&'static str> {

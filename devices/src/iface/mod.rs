@@ -87,6 +87,10 @@ macro_rules! device_interfaces {
             remote_variables: RemoteVariables;
             /// Faults of the joints (`IJointFault`).
             joint_fault: JointFault;
+            /// A stop of all joints by software; not in stock.
+            software_stop: SoftwareStop;
+            /// Brakes of the whole machine; not in stock.
+            machine_brake: MachineBrake;
             /// Brakes (`IJointBrake`).
             joint_brake: JointBrake;
             /// Returns the Cartesian controller (`ICartesianControl`).
@@ -195,6 +199,7 @@ mod remote_calibrator;
 mod remote_variables;
 mod rgb_visual_params;
 mod serial_device;
+mod software_stop;
 mod torque_control;
 mod velocity_control;
 mod velocity_direct;
@@ -239,6 +244,7 @@ pub use remote_calibrator::RemoteCalibrator;
 pub use remote_variables::{RemoteVariables, VariableValue};
 pub use rgb_visual_params::{CameraConfiguration, Intrinsics, RgbVisualParams};
 pub use serial_device::SerialDevice;
+pub use software_stop::{MachineBrake, SoftwareStop, StopState};
 pub use torque_control::{MotorTorqueParameters, TorqueControl};
 pub use velocity_control::VelocityControl;
 pub use velocity_direct::VelocityDirect;

@@ -11,7 +11,7 @@ use crate::can::puck::PuckProperty;
 use crate::clock::wall_clock;
 use crate::{
     Axes, AxisIndex, AxisInfo, ControlLimits, ControlMode, Device, DeviceError, EncoderReading,
-    Encoders, JointType, Limits, Mode, MotionControl, PositionControl, VariableValue,
+    Encoders, JointType, Limits, MachineBrake, Mode, MotionControl, PositionControl, VariableValue,
     VelocityControl,
 };
 
@@ -33,6 +33,9 @@ pub trait ControlledArm: Send + 'static {
 
     /// Returns why the motors do not follow, in words; `None` if they do.
     fn fault(&self) -> Option<String>;
+
+    /// Has the machine brake: only the pendant releases it.
+    fn brake(&mut self) -> Result<(), DeviceError>;
 
     /// Returns the temperatures of the motors' pucks, °C.
     fn temperatures(&self) -> Result<[f64; AXES], DeviceError>;
@@ -182,6 +185,13 @@ impl<A: ControlledArm> Device for ArmDevice<A> {
         control_calibration: ControlCalibration,
         joint_fault: JointFault,
         remote_variables: RemoteVariables,
+        machine_brake: MachineBrake,
+    }
+}
+
+impl<A: ControlledArm> MachineBrake for ArmDevice<A> {
+    fn brake_machine(&self) -> Result<(), DeviceError> {
+        self.with(ControlledArm::brake)
     }
 }
 

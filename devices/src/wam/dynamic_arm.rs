@@ -157,6 +157,15 @@ impl ControlledArm for DynamicArm {
         }
     }
 
+    fn brake(&mut self) -> Result<(), DeviceError> {
+        // Out of an emergency stop only a person leads.
+        if self.simulator.safety().mode() == SafetyMode::Active {
+            self.simulator.safety_mut().press_idle();
+        }
+        self.poll_safety_module();
+        Ok(())
+    }
+
     fn temperatures(&self) -> Result<[f64; AXES], DeviceError> {
         Ok(self.simulator.temperatures())
     }

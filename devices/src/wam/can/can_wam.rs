@@ -81,6 +81,8 @@ pub struct CanArm {
     property_requests: VecDeque<PropertyRequest>,
     /// The pending confirmation of a person, and where its result goes.
     confirmation: Option<StartOutcome>,
+    /// The safety module is to brake the arm in the next period.
+    brake_requested: bool,
 }
 
 /// State of the connection between driver and arm.
@@ -157,6 +159,12 @@ impl ControlledArm for CanArm {
         (!fine).then(|| self.status.to_string())
     }
 
+    fn brake(&mut self) -> Result<(), DeviceError> {
+        self.control.reachable()?;
+        self.brake_requested = true;
+        Ok(())
+    }
+
     /// Errors: [`DeviceError::Remote`], [`DeviceError::NoDataYet`] in the first second.
     fn temperatures(&self) -> Result<[f64; AXES], DeviceError> {
         self.control.reachable()?;
@@ -202,6 +210,7 @@ impl CanArm {
         let motors = link.motors(self.control.model());
         self.control.set_motors(motors);
         self.control.set_error(None);
+        self.brake_requested = false;
         self.control.set_ready(false);
         self.control.forget_motion(counts);
         self.status = CanStatus {
@@ -344,6 +353,7 @@ impl ArmDevice<CanArm> {
             located: false,
             property_requests: VecDeque::new(),
             confirmation: None,
+            brake_requested: false,
         };
         let link = match found {
             Ok((link, position)) => {
@@ -493,16 +503,21 @@ fn drive(
     let mut pace = PeriodicTimer::new(options.period);
     while pace.wait(|| shared.is_ending()) {
         let counts = link.positions()?;
-        let (torques, property_request) = {
+        let (torques, property_request, brakes) = {
             let mut timed = shared.lock();
             timed.stamp();
             timed.arm.status.late_periods = pace.late();
             let torques = timed.arm.period(link, counts);
+            let brakes = std::mem::take(&mut timed.arm.brake_requested);
             let property_request = link
                 .is_free()
                 .then(|| timed.arm.property_requests.pop_front());
-            (torques, property_request.flatten())
+            (torques, property_request.flatten(), brakes)
         };
+        if brakes {
+            warn!("the safety module is told to brake the arm");
+            link.brake();
+        }
         link.drive(model, &torques)?;
         if let Some(property_request) = property_request {
             link.run(property_request)?;
