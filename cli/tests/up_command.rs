@@ -6,7 +6,7 @@ mod common;
 
 use common::Home;
 
-const PORTS: [&str; 8] = [
+const PORTS: [&str; 9] = [
     "view",
     "view/in:i",
     "rpc:i",
@@ -15,6 +15,7 @@ const PORTS: [&str; 8] = [
     "state:o",
     "stateExt:o",
     "async:o",
+    "stop/rpc:i",
 ];
 
 #[test]
