@@ -19,6 +19,14 @@
 //! the convention of the stock interfaces. No radians cross an interface but [`CartesianControl`]; [`wam::units`] is the border. Sockets and
 //! buses are known only where a device is behind one.
 //!
+//! | feature | content |
+//! | --- | --- |
+//! | `barrett` | [`wam`], [`embedded`], [`can`], the drivers and simulations of [`hand`], and the mathematics of an arm |
+//! | `image-files` | PNG and JPEG images for [`camera`], besides PPM and PGM |
+//!
+//! No feature is on by default: then this crate is the interfaces, [`Device`], [`checks`], [`guard`], [`remapper`], and
+//! the simulated devices of [`fake`] and [`camera`].
+//!
 //! ```
 //! use yarp_devices::wam::SimulatedWam;
 //! use yarp_devices::{Axes, AxisIndex, Device};
@@ -35,12 +43,16 @@
 
 mod axes;
 pub mod camera;
+#[cfg(feature = "barrett")]
 pub mod can;
+#[cfg(feature = "barrett")]
 pub mod cartesian;
 pub mod checks;
 pub mod clock;
 mod device;
+#[cfg(feature = "barrett")]
 pub mod dynamics;
+#[cfg(feature = "barrett")]
 pub mod embedded;
 mod error;
 pub mod fake;
@@ -48,11 +60,15 @@ pub mod guard;
 pub mod hand;
 pub mod iface;
 pub mod image;
+#[cfg(feature = "barrett")]
 pub mod kinematics;
 mod pseudo_random;
 pub mod remapper;
+#[cfg(feature = "barrett")]
 pub mod simulation;
+#[cfg(feature = "barrett")]
 pub mod trajectory;
+#[cfg(feature = "barrett")]
 pub mod wam;
 
 pub use axes::{Axes, AxisIndex};
