@@ -25,7 +25,7 @@ use tracing_subscriber::registry::LookupSpan;
 use crate::output::{self, Stream, WhenFull};
 use rate_limit::Repeats;
 
-/// Where the modules of this program begin, as opposed to those of the libraries.
+/// Prefix of the modules of this program, as opposed to those of the libraries.
 const OWN_MODULES: &str = concat!(env!("CARGO_BIN_NAME"), "::");
 
 /// Starts to print the log.

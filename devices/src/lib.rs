@@ -12,7 +12,7 @@
 //! * [`embedded`]: the arm behind its embedded PC, driver and server.
 //! * [`remapper`]: several devices seen as one control board, or a part of one.
 //! * [`guard`]: limits and a watchdog around any device.
-//! * [`clock`]: the time of day.
+//! * [`clock`]: the time of day. [`pseudo_random`]: numbers that are the same for the same seed.
 //! * [`checks`]: behaviours that every device with these interfaces must show.
 //!
 //! Values are degrees, deg/s and deg/s² for revolute joints, metres, m/s and m/s² for prismatic ones:
@@ -62,7 +62,7 @@ pub mod iface;
 pub mod image;
 #[cfg(feature = "barrett")]
 pub mod kinematics;
-mod pseudo_random;
+pub mod pseudo_random;
 pub mod remapper;
 #[cfg(feature = "barrett")]
 pub mod simulation;

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use yarp_devices::guard::{Guarded, GuardedOptions, JointLimits, RateLimits, TorqueLimits};
 use yarp_devices::wam::SimulatedWam;
 use yarp_devices::{Axes, Device, DeviceError, Limits, Mode, checks};
+use yarp_testing::eventually;
 
 const TEST_TIMEOUT: Duration = Duration::from_secs(60);
 const BASE: Axes<'static> = Axes::One(yarp_devices::AxisIndex::new(0));
@@ -25,14 +26,6 @@ fn narrow() -> GuardedOptions {
         },
         torque_limits: TorqueLimits(vec![10.0]),
         watchdog: None,
-    }
-}
-
-fn eventually(what: &str, condition: impl Fn() -> bool) {
-    let deadline = Instant::now() + TEST_TIMEOUT;
-    while !condition() {
-        assert!(Instant::now() < deadline, "{what} did not come");
-        thread::sleep(Duration::from_millis(2));
     }
 }
 

@@ -17,7 +17,7 @@ const MAX_TASKS: usize = 64;
 /// Connections that are waited for; what is due beyond that is not done.
 const MAX_PENDING: usize = 8192;
 
-/// What is to be done about two ports.
+/// Pending action for two ports.
 #[derive(Clone, Debug, Eq, PartialEq)]
 pub(crate) enum Due {
     /// To connect them, unless they are.
@@ -44,7 +44,7 @@ impl Due {
     }
 }
 
-/// What is done about two ports.
+/// Action for two ports.
 #[derive(Debug)]
 enum Pending {
     /// It waits for its turn.
@@ -165,7 +165,7 @@ mod tests {
         }
     }
 
-    /// What was begun, and the way to let it end.
+    /// Started action, and the handle that ends it.
     #[derive(Clone)]
     struct Done {
         begun: Arc<Mutex<Vec<Due>>>,

@@ -17,13 +17,13 @@ use yarp_wire::name_service::Registration;
 use crate::prober;
 use crate::registry::{Probe, ProbeResult};
 
-/// How long the holder of a name that somebody else wants has to answer each step.
+/// Timeout of each step for the holder of a name that another client requests.
 const PROBE_TIMEOUT: Duration = Duration::from_secs(2);
 /// Probes at once.
 const MAX_PROBES: usize = 64;
-/// How long it counts that a holder answered.
+/// Time for which a reply of a holder counts.
 const ANSWERED_VALIDITY: Duration = Duration::from_secs(1);
-/// How long it counts that a holder did not answer in time.
+/// Time for which a missing reply of a holder counts.
 const UNANSWERED_VALIDITY: Duration = Duration::from_secs(5);
 /// Results that are kept before those that count no longer are looked for.
 const MAX_RESULTS: usize = 256;
@@ -47,7 +47,7 @@ pub(crate) struct Probes {
     tasks: Mutex<JoinSet<()>>,
 }
 
-/// What is known of a holder.
+/// Last probe result of a holder.
 #[derive(Debug)]
 enum Known {
     /// It is being probed.

@@ -26,9 +26,9 @@ const MAX_OWNERS_PROBED: usize = 5;
 
 /// Refusal for a request that other requests overtook too often.
 const TOO_MANY_REQUESTS: &str = "too many requests for this name at once, try again";
-/// What to tell somebody who would have to wait beside too many others.
+/// Reply for a client that would have to wait behind too many others.
 const MANY_WAIT: &str = "too many wait already, try again";
-/// What to tell a browser that wants the name of a port.
+/// Reply for a browser that requests the name of a port.
 const NOT_BY_PAGE: &str = "somebody has this name, and browsers cannot take it";
 
 /// Handles requests from any number of connections.
@@ -54,7 +54,7 @@ impl std::fmt::Debug for RequestHandler {
     }
 }
 
-/// Where names are kept.
+/// Storage of the names.
 pub(crate) enum Persistence {
     /// In memory only, or no longer anywhere after [`RequestHandler::close`].
     Memory,

@@ -34,7 +34,7 @@ pub(crate) fn is_own(address: IpAddr) -> bool {
     all().contains(&address)
 }
 
-/// Whether this is an address of this machine.
+/// Returns whether this is an address of this machine.
 pub(crate) fn is_local(address: IpAddr) -> bool {
     let address = address.to_canonical();
     address.is_loopback() || is_own(address)

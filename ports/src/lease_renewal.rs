@@ -34,7 +34,7 @@ pub(crate) struct LeasedNames(Mutex<Held>);
 
 #[derive(Debug, Default)]
 struct Held {
-    /// What is registered, and the address that it listens at.
+    /// Registration, and the address that it listens at.
     ports: BTreeMap<String, (RegisterRequest, Ipv4Addr)>,
     task: Option<JoinHandle<()>>,
 }

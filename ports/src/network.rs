@@ -52,11 +52,11 @@ struct Inner {
     leased_names: Arc<LeasedNames>,
     /// The key that both ends of each connection must hold.
     key: Option<Key>,
-    /// What encrypted connections need.
+    /// Settings for encrypted connections.
     tls: Option<Tls>,
     /// The permissions on the ports opened here.
     roles: Roles,
-    /// What browsers may do with the ports that are opened here.
+    /// Rights of browsers on the ports that are opened here.
     gate: Arc<Gate>,
     /// The address that ports listen at, if it was chosen.
     bind: Option<Ipv4Addr>,

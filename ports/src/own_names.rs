@@ -7,9 +7,9 @@ use yarp_wire::http::Gate;
 
 use crate::addresses;
 
-/// Where names of addresses stand.
+/// File with the names of addresses.
 const HOSTS: &str = "/etc/hosts";
-/// Where the domain stands that names without a dot belong to.
+/// File with the domain of names without a dot.
 const RESOLVER: &str = "/etc/resolv.conf";
 
 /// A gate that knows this machine by these names; they are looked up once per process.

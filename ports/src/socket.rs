@@ -197,7 +197,7 @@ pub(crate) async fn connect(
     connect_over(peer, host, port, network, Transport::Stream).await
 }
 
-/// As [`connect`], for a carrier of this transport.
+/// Connects like [`connect`], for a carrier of this transport.
 pub(crate) async fn connect_over(
     peer: &str,
     host: &str,

@@ -51,7 +51,7 @@ pub(crate) fn receive<T>(
     })
 }
 
-/// Where the datagrams of a connection may come from.
+/// Accepted senders of the datagrams of a connection.
 #[derive(Clone, Debug, Eq, PartialEq)]
 pub(crate) enum Sources {
     /// This address, and the port that was the first to send from there, once there is one.

@@ -42,13 +42,13 @@ pub(crate) struct Args {
     /// Objects from an XML file instead of random ones
     #[arg(long, value_name = "FILE", conflicts_with = "objects")]
     scene: Option<PathBuf>,
-    /// How much faster than a real robot it is, 0.1 to 20
+    /// Speed relative to a real robot, 0.1 to 20
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
     speed: f64,
     /// Images a second while somebody watches, 0.1 to 30
     #[arg(long, value_name = "HERTZ", default_value_t = 5.0)]
     rate: f64,
-    /// What stands before /wam, /hand, /camera and /depth
+    /// Prefix of the port names /wam, /hand, /camera and /depth
     #[arg(long, value_name = "PREFIX", default_value = "")]
     prefix: String,
 }

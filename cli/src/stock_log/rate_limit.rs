@@ -14,7 +14,7 @@ const BURST: u32 = 200;
 /// Lines per second on average.
 const RATE: f64 = 10.0;
 
-/// How much each place in the code has reported lately. Bounded by the size of the program.
+/// Recent reports of each place in the code. Bounded by the size of the program.
 #[derive(Debug)]
 pub(super) struct Repeats {
     places: Mutex<Option<HashMap<Identifier, Allowance>>>,

@@ -31,7 +31,6 @@
 mod collision;
 mod path;
 mod planner;
-mod random;
 mod rrt_connect;
 mod scene;
 mod shape;

@@ -1,12 +1,12 @@
 //! Plans of motions.
 
 use yarp_devices::kinematics::Joints;
+use yarp_devices::pseudo_random::Random;
 use yarp_devices::trajectory::JointLimits;
 use yarp_devices::wam::WamModel;
 
 use crate::collision::{ArmGeometry, CollisionModel, Contact};
 use crate::path::{Path, Trajectory, TrajectoryError, shorten};
-use crate::random::Random;
 use crate::rrt_connect::search;
 use crate::scene::Scene;
 
@@ -55,9 +55,9 @@ pub enum PlanError {
         "the start is in collision: {contact}, {depth:.3} m inside the margin; move the arm away by hand or enlarge the scene's gap"
     )]
     StartInCollision {
-        /// What collides.
+        /// Name of the colliding part.
         contact: Contact,
-        /// How deep, in metres.
+        /// Penetration depth, in metres.
         depth: f64,
     },
     /// No goal is reachable: each is outside the joint limits or collides.
@@ -65,7 +65,7 @@ pub enum PlanError {
     NoFreeGoal {
         /// Number of goals.
         count: usize,
-        /// What the first one collides with, unless it is outside the joint limits.
+        /// Part that the first posture collides with, unless it is outside the joint limits.
         first: Option<Contact>,
     },
     /// The search found no path.

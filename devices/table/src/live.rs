@@ -157,7 +157,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// What moves with the arm's control periods.
+/// State that is stepped with the control periods of the arm.
 struct World {
     physics: Physics,
     scene: Arc<Mutex<Scene>>,
@@ -182,7 +182,7 @@ fn start_arm(
     })
 }
 
-/// What a camera takes.
+/// Output of a camera.
 #[derive(Clone, Copy, Debug)]
 enum Kind {
     Colour(Effects),

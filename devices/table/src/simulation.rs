@@ -19,7 +19,7 @@ const HAND_MASS: f64 = 1.2;
 const HAND_CENTRE: f64 = 0.045;
 const HAND_INERTIA: [f64; 3] = [2558.1e-6, 2558.1e-6, 1242.2e-6];
 
-/// How long a command of the hand may take, s.
+/// Timeout of a command of the hand, s.
 const LONGEST_COMMAND: f64 = 15.0;
 
 /// Returns the arm with a BarrettHand on its tool plate, which gravity compensation knows.

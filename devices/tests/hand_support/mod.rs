@@ -11,6 +11,7 @@ use tempfile::TempDir;
 use yarp_devices::Hand;
 use yarp_devices::hand::simulated::{SimulatedHand, SimulatedHandOptions};
 use yarp_devices::hand::{BarrettHand, HandOptions};
+pub use yarp_testing::eventually;
 
 /// Long enough for a machine whose CPU is taken away for seconds.
 pub const TEST_TIMEOUT: Duration = Duration::from_secs(60);
@@ -57,14 +58,5 @@ impl Stage {
         let hand = self.open();
         hand.initialise().expect("nothing is in its way");
         hand
-    }
-}
-
-/// Waits until something is true.
-pub fn eventually(what: &str, mut is: impl FnMut() -> bool) {
-    let deadline = Instant::now() + TEST_TIMEOUT;
-    while !is() {
-        assert!(Instant::now() < deadline, "never came: {what}");
-        std::thread::sleep(Duration::from_millis(2));
     }
 }

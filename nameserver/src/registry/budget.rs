@@ -60,7 +60,7 @@ struct Held {
     names: usize,
 }
 
-/// Who pays for what is kept.
+/// Address that is charged for stored data.
 #[derive(Clone, Debug)]
 pub(super) struct Account {
     counts: Arc<Mutex<Counts>>,
@@ -109,7 +109,7 @@ impl Account {
         self.at(Some(charge.address))
     }
 
-    /// Whether `charge` is paid by the same address.
+    /// Returns whether `charge` is paid by the same address.
     pub(super) fn pays(&self, charge: &Charge) -> bool {
         charge.address == self.address
     }
@@ -134,7 +134,7 @@ impl Account {
     }
 }
 
-/// What is charged for one thing that is kept; given back on drop.
+/// Charge for one stored item; returned on drop.
 #[derive(Debug)]
 pub(super) struct Charge {
     counts: Arc<Mutex<Counts>>,

@@ -98,7 +98,7 @@ pub struct Registry {
     persistent: PersistentConnections,
     types: BTreeMap<String, Definition>,
     pool: Pool,
-    /// Who pays for what the request in hand makes the registry keep.
+    /// Address that is charged for the data that the current request stores.
     account: Account,
     /// Changes made by the current request.
     journal: Vec<Change>,
@@ -113,7 +113,7 @@ struct Entry {
     /// port was found dead.
     announced: Option<Instant>,
     liveness: LivenessRecord,
-    /// What it costs, without its properties.
+    /// Charge for the registration, without its properties.
     charge: Charge,
 }
 

@@ -17,24 +17,24 @@ use super::{Body, Entry, Registry};
 /// while the port lives.
 const OWNERS_PROPERTIES: [&str; 3] = ["carrier", "ips", "owns"];
 
-/// Whether a carrier is that of a group or topic, which are only words between ports.
+/// Returns whether a carrier is that of a group or topic, which are only words between ports.
 pub(super) fn is_ownerless(carrier: &str) -> bool {
     matches!(carrier, "mcast" | "topic")
 }
 
-/// Whether somebody could be asked whether he still wants the name.
+/// Returns whether the holder can be probed for its claim to the name.
 pub(super) fn has_owner(registration: &Registration) -> bool {
     !is_ownerless(&registration.carrier)
 }
 
-/// Whether `asked` leaves it to a name whether it has an owner.
+/// Returns whether `asked` leaves it to a name whether it has an owner.
 pub(super) fn keeps_ownership(asked: &RegisterRequest, holder: &Registration) -> bool {
     let carrier = asked.carrier.as_deref().unwrap_or("tcp");
     is_ownerless(carrier) == is_ownerless(&holder.carrier)
 }
 
 impl Registry {
-    /// Whether `from` may set property `key` of `name` to `values`.
+    /// Returns whether `from` may set property `key` of `name` to `values`.
     pub(super) fn may_set(
         &self,
         now: Instant,
@@ -75,7 +75,7 @@ impl Registry {
         })
     }
 
-    /// Whether a request from `from` counts as that of the port itself. The server itself, which has
+    /// Returns whether a request from `from` counts as that of the port itself. The server itself, which has
     /// no address, may do everything.
     pub(super) fn is_owner(&self, entry: &Entry, from: Option<IpAddr>) -> bool {
         let Some(from) = from.map(|from| from.to_canonical()) else {
@@ -92,7 +92,7 @@ impl Registry {
             || ips.any(|ip| ip.to_canonical() == from)
     }
 
-    /// Whether a request from `from` counts as that of the port called `name`.
+    /// Returns whether a request from `from` counts as that of the port called `name`.
     pub(crate) fn is_asked_by(&self, name: &str, from: IpAddr) -> bool {
         let entry = self.ports.get(name);
         entry.is_some_and(|entry| self.is_owner(entry, Some(from)))

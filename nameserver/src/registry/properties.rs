@@ -21,7 +21,7 @@ pub(super) struct Properties(Vec<Slot>);
 struct Slot {
     key: Arc<str>,
     values: Values,
-    /// What it costs, unless the address that registered the port pays for it.
+    /// Charge for the property, unless the address that registered the port pays for it.
     charge: Option<Box<Charge>>,
 }
 
@@ -32,7 +32,7 @@ struct Slot {
 pub(super) struct Pool {
     keys: HashMap<Arc<str>, Charge>,
     values: HashMap<Values, Charge>,
-    /// How many were given back while somebody else still held them.
+    /// Number of values that were returned while another holder kept them.
     unused: usize,
 }
 

@@ -41,7 +41,7 @@ pub enum Change {
     Announced {
         /// The port.
         name: String,
-        /// Whether it listens.
+        /// True if the port has announced itself.
         announced: bool,
     },
     /// A connection outlives its ports.
@@ -64,7 +64,7 @@ pub enum Change {
     Topic {
         /// Its name.
         name: String,
-        /// What it carries, empty if not said.
+        /// Type of its messages, empty if unknown.
         structure: String,
     },
     /// A topic is gone.
@@ -109,7 +109,7 @@ pub(crate) enum Item {
     Port(String),
 }
 
-/// What is known of an item.
+/// Stored state of an item.
 #[derive(Clone, Debug, Deserialize, Eq, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum ItemValue {
@@ -184,7 +184,7 @@ impl Item {
         })
     }
 
-    /// Whether `held` can be what is known of it.
+    /// Returns whether `held` can be the stored state of the item.
     pub(crate) fn fits(&self, held: &ItemValue) -> bool {
         match (self, held) {
             (
@@ -263,7 +263,7 @@ impl Item {
 }
 
 impl Registry {
-    /// What is known of an item, if it is there.
+    /// Returns the stored state of an item, if it is present.
     pub(crate) fn item_value(&self, item: &Item) -> Option<ItemValue> {
         match item {
             Item::Connection(source, destination) => {

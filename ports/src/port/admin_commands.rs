@@ -57,7 +57,7 @@ fn required_right(request: &Bottle) -> Option<Right> {
     }
 }
 
-/// Who asks for a change of what messages pass, or of how the process is scheduled; it may administer the port.
+/// Peer that requests a change of monitors or of the scheduling of the process; it may administer the port.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Asking {
     /// It speaks as browsers do.
@@ -99,12 +99,12 @@ fn as_parsed_by(request: &Bottle, wire_version: WireVersion) -> Bottle {
 }
 
 impl Core {
-    /// What a peer must be allowed to do before its request is answered; none for what anybody may ask.
+    /// Returns the right that a peer needs for its request; `None` for requests that any peer may send.
     pub(super) fn required_right(&self, request: &Bottle) -> Option<Right> {
         required_right(&as_parsed_by(request, self.options.wire_version))
     }
 
-    /// Whether a request changes what messages pass, or how connections and processes are scheduled.
+    /// Returns whether a request changes monitors, or the scheduling of connections and processes.
     ///
     /// The scheduling of a connection counts for those who may not have it at all ([`PortOptions::deny_modification`]
     /// and pages), since it can starve others; programs of other machines may ask for it, as in stock.

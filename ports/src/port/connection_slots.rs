@@ -86,7 +86,7 @@ enum Ending {
     Output(Weak<SendQueue>),
 }
 
-/// What a connection does, as its own task notes it.
+/// Activity of a connection, recorded by its own task.
 #[derive(Debug, Default)]
 struct Activity {
     /// Messages and replies.

@@ -55,7 +55,7 @@ pub(crate) struct Core {
     /// Pool of the channels on which connections wait for the owner's replies.
     pub(super) slots: ReplyPool<Answer>,
     ended: Mutex<Ended>,
-    /// How much is logged about connections that are refused or break.
+    /// Limit on log lines about connections that are refused or break.
     pub(super) bad_connections: LogLimit,
     /// `true` if there may be connections that carry copies of received messages.
     pub(super) logged: AtomicBool,

@@ -88,7 +88,7 @@ pub(super) async fn wait_until_gone(
     }
 }
 
-/// Where the writer's port is, as the name server says; none if nobody knows it.
+/// Returns the endpoint of the writer's port from the name server; `None` if the name is unknown.
 async fn endpoint(
     core: &Core,
     name: &str,

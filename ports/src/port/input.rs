@@ -164,7 +164,7 @@ const UNSENT: usize = 256 * 1024;
 
 /// Messages after which other tasks have their turn, however many more have come.
 const TURN: usize = 1024;
-/// How many of those one counts for that is answered.
+/// Work units of a message that is answered.
 const ANSWERED: usize = 16;
 
 /// The reason for the end of a connection.
@@ -233,7 +233,7 @@ pub(super) struct Connection {
     guard: Option<ConnectionGuard>,
     /// Its place among the connections of the process.
     slot: ConnectionSlot,
-    /// What it takes of the process's budget for incomplete messages.
+    /// Reservation in the budget of the process for incomplete messages.
     incoming: Option<Reservation>,
     /// Something that came made sense.
     was_valid: bool,

@@ -102,7 +102,7 @@ impl TlsStream {
         self.read(buffer, |room| tcp.try_read(room))
     }
 
-    /// As [`TlsStream::try_read_buf`], whether or not the system has told that there is something.
+    /// Reads like [`TlsStream::try_read_buf`], even if the system has not reported readiness.
     pub(crate) fn peek_now(&self, mut bytes: &mut [u8]) -> io::Result<usize> {
         let socket = SockRef::from(&**self.tcp());
         self.read(&mut bytes, |room| (&*socket).read(room))

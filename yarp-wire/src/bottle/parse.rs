@@ -15,7 +15,7 @@ struct Level {
     items: Bottle,
     /// Round and curly brackets that are open within it and outside of its items.
     base: (i64, i64),
-    /// Where the item in progress begins.
+    /// Start of the current item.
     start: Option<usize>,
     /// The last place of a closing bracket at which no bracket of an item was open.
     closed: usize,

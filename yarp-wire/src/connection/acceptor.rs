@@ -43,7 +43,7 @@ pub struct Acceptor {
     version_detected: bool,
     limits: Limits,
     gate: Arc<Gate>,
-    /// What the gate lets the request do.
+    /// Rights that the gate gives the request.
     admission: Admission,
     state: State,
 }

@@ -97,7 +97,7 @@ pub enum Refusal {
     /// A page of another site asks.
     #[error("expected a request of a page of this port, got one that is {site:?}")]
     Site {
-        /// What the browser calls it.
+        /// Host name that the browser uses for it.
         site: String,
     },
     /// Nothing tells which page asks.
@@ -111,7 +111,7 @@ pub enum Refusal {
     ViewOnly,
 }
 
-/// How the page that asks is related to the port.
+/// Relation of the requesting page to the port.
 enum Relation {
     /// It is the port's own.
     Own,

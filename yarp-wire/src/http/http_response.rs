@@ -98,7 +98,7 @@ impl Response {
     }
 }
 
-/// How long a body is.
+/// Length of a body.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Body {
     /// So many bytes.

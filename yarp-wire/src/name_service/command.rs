@@ -75,7 +75,7 @@ pub enum Command {
     Announce {
         /// The port.
         name: String,
-        /// Whether it lives.
+        /// True if the port is alive.
         alive: bool,
     },
     /// `subscribe SRC DEST [MODE]`: asks for a connection that outlives both ports.
@@ -103,7 +103,7 @@ pub enum Command {
     Topic {
         /// Its name.
         name: String,
-        /// What it carries, empty if not said.
+        /// Type of its messages, empty if unknown.
         structure: String,
     },
     /// `topic`: lists the topics.
@@ -115,7 +115,7 @@ pub enum Command {
     },
     /// `type FAMILY NAME [VALUE]`: stores or tells the definition of a type.
     Type {
-        /// Who defines it; stock keeps only `yarp`.
+        /// Namespace that defines the type; stock keeps only `yarp`.
         family: String,
         /// The type.
         name: String,
@@ -125,13 +125,13 @@ pub enum Command {
     /// `lease NAME HOST NUMBER ...`: these ports are there. Not in stock, which answers as to any
     /// word it does not know: with the end.
     Lease {
-        /// Who is there.
+        /// Registered ports.
         holders: Vec<LeaseHolder>,
     },
     /// `passed NAME HOST NUMBER ...`: another server of the same names was told `lease` by these
     /// ports. Not in stock.
     Passed {
-        /// Who is there.
+        /// Registered ports.
         holders: Vec<LeaseHolder>,
     },
     /// `state [PREFIX]`: as `list`, and how each port was found. Not in stock either.

@@ -22,7 +22,7 @@ pub struct Rules<'a> {
 pub enum Kind<'a> {
     /// It changes nothing.
     Question {
-        /// Whether a server that is found by multicast also replies to it by a datagram.
+        /// True if a server that is found by multicast also replies to it by a datagram.
         by_datagram: bool,
     },
     /// It changes what is stored, and what several servers share.
@@ -37,7 +37,7 @@ pub enum Kind<'a> {
     Lease {
         /// The ports.
         holders: &'a [LeaseHolder],
-        /// Whether the ports told another server, which passes it on.
+        /// True if the ports told another server, which passes it on.
         passed: bool,
     },
 }

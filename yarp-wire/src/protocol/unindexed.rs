@@ -84,7 +84,7 @@ fn take_acknowledgement(input: &mut BytesMut) -> Result<bool, ProtocolError> {
 pub(crate) struct UnindexedMessageDecoder {
     wire_version: WireVersion,
     limits: Limits,
-    /// How far the end of a spelled command was looked for.
+    /// Position up to which the end of a spelled command was searched.
     searched: usize,
     /// The message in progress, of which the command block has been read.
     begun: Option<Begun>,

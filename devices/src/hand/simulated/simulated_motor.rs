@@ -60,9 +60,9 @@ pub(super) struct SimulatedMotor {
     speed: f64,
     pub(super) drive: Drive,
     pub(super) object: Option<Object>,
-    /// What contact does to the finger; an alternative to an object in the way.
+    /// Effect of contact on the finger; an alternative to an object in the way.
     pub(super) load: Load,
-    /// Where the clutch is disengaged, counts.
+    /// Position at which the clutch is disengaged, counts.
     clutch: Option<f64>,
     /// Something else holds it, such as closed fingers the spread.
     pub(super) blocked: bool,

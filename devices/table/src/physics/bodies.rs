@@ -23,7 +23,7 @@ const FLOOR: f64 = 0.75;
 const ROBOT: Group = Group::GROUP_1;
 const WORLD: Group = Group::GROUP_2;
 
-/// What a collider is, kept in its user data.
+/// Meaning of a collider, kept in its user data.
 pub(super) mod tag {
     pub(in crate::physics) const FLOOR: u128 = 1;
     pub(in crate::physics) const TABLE: u128 = 2;

@@ -43,7 +43,7 @@ pub struct Contact {
     pub force: Vector3<f64>,
 }
 
-/// What the contacts of one step come to, unfiltered.
+/// Sum of the contacts of one step, unfiltered.
 #[derive(Debug, Default)]
 pub(super) struct Sharp {
     /// Joint torques from table and baskets, Nm.

@@ -16,9 +16,9 @@ const TILE: usize = 16;
 /// Depth of the room's floor below the table, m, and its linear reflectance.
 const FLOOR: f32 = 0.75;
 const FLOOR_COLOUR: [f32; 3] = [0.18, 0.18, 0.19];
-/// What the truth numbers pixels with: no solid, or its number in the upper bits and its face in the lowest three.
+/// Identifiers of pixels in the ground truth: no solid, or its number in the upper bits and its face in the lowest three.
 const NOTHING: u32 = 0;
-/// How many surfaces that let light through are seen one behind the other.
+/// Maximum number of transparent surfaces seen one behind the other.
 const DEEPEST: usize = 3;
 
 /// Directions of all pixels of a lens, as multiples of its focal length.
@@ -69,11 +69,11 @@ impl Rays {
     }
 }
 
-/// What each pixel's middle shows.
+/// Surface at the centre of each pixel.
 pub(super) struct Picture {
     /// Linear light in red, green and blue.
     pub(super) light: Vec<[f32; 3]>,
-    /// What is seen.
+    /// Visible surface.
     pub(super) keys: Vec<u32>,
     /// Depth along the optical axis, m.
     pub(super) depth: Vec<f32>,
@@ -407,7 +407,7 @@ fn is_edge(keys: &[u32], width: usize, height: usize, column: usize, row: usize)
 
 /// First and last column, first and last row that may show a solid; none for one behind the camera.
 fn on_image(solid: &Primitive, camera: &Camera) -> [usize; 4] {
-    /// What lens distortion may add to the box of the corners, pixels.
+    /// Maximum shift of the bounding box of the corners by lens distortion, pixels.
     const MARGIN: f64 = 4.0;
     let lens = &camera.lens;
     let all = [0, lens.width - 1, 0, lens.height - 1];

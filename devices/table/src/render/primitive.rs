@@ -39,7 +39,7 @@ pub(super) struct Primitive {
     pub(super) opacity: f32,
 }
 
-/// Where a ray meets a solid.
+/// Intersection of a ray with a solid.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Hit {
     /// In lengths of the ray's direction.
@@ -62,7 +62,7 @@ impl Primitive {
         self.solid.meet(&from, &along)
     }
 
-    /// Whether something of the ray is in the sphere about it.
+    /// Returns whether the ray intersects the bounding sphere.
     pub(super) fn is_near(&self, origin: &Vector, direction: &Vector) -> bool {
         let to = self.centre - origin;
         let along = to.dot(direction);

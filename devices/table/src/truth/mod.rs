@@ -52,9 +52,9 @@ pub struct ObjectTruth {
     pub mask: Mask,
 }
 
-/// What a renderer found.
+/// Output of a renderer.
 pub(crate) struct Seen<'a> {
-    /// What each pixel shows: pixels with the same key show the same.
+    /// Key of each pixel: pixels with the same key show the same surface.
     pub(crate) keys: &'a [u32],
     /// Owner of what a key stands for.
     pub(crate) owner_of: &'a dyn Fn(u32) -> Option<usize>,

@@ -24,9 +24,9 @@ pub enum TruthError {
     /// An element is missing or unknown.
     #[error("line {line}: expected element <{expected}> in <{inside}>")]
     Element {
-        /// Where, from 1.
+        /// Line, from 1.
         line: u32,
-        /// What should be there.
+        /// Expected element.
         expected: &'static str,
         /// In which element.
         inside: String,
@@ -34,15 +34,15 @@ pub enum TruthError {
     /// An attribute is missing or has no such value.
     #[error("line {line}: attribute {name} of <{element}> must be {expected}, found {found:?}")]
     Attribute {
-        /// Where, from 1.
+        /// Line, from 1.
         line: u32,
         /// Of which element.
         element: String,
         /// Its name.
         name: &'static str,
-        /// What it should be.
+        /// Expected value.
         expected: &'static str,
-        /// What was there.
+        /// Found value.
         found: Option<String>,
     },
 }

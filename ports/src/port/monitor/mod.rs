@@ -221,7 +221,7 @@ pub enum MonitorError {
     /// The peer may not have monitors here.
     #[error("{text}")]
     NotAllowed {
-        /// Who may not do what.
+        /// Missing right and its holder.
         text: String,
     },
     /// The options do not do.
