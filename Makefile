@@ -7,6 +7,7 @@
 #   make test-gui   stock's yarpmotorgui and yarpview on our devices, by hand: builds them with Qt first
 #   make test-can   the CAN driver of the arm on a bus of Debian's kernel, booted in QEMU (about a minute)
 #   make soak       100 000 connections that come and go leave nothing behind
+#   make abuse      16 MB of each kind of abuse against a running arm: its memory, round trips and state stream
 #   make idle       what connections cost that are open and at rest
 #   make hour       an hour of the embedded arm at 500 Hz: missed deadlines, ours and the machine's
 #   make bench      ours beside stock YARP, with ratios
@@ -24,7 +25,7 @@ WORKSPACE_FEATURES = $(if $(FEATURES),--features $(FEATURES:%=yarp-cli/%))
 # Where stock's graphical tools are kept.
 WINDOWS ?= $(HOME)/.cache/stock-yarp-windows
 
-.PHONY: run build test test-etcd test-live test-gui test-can soak idle hour bench check deny setup stock
+.PHONY: run build test test-etcd test-live test-gui test-can soak idle hour bench check deny setup stock abuse
 
 run: build
 	target/release/yarp up
@@ -69,6 +70,11 @@ test-can: setup
 
 soak: setup
 	cargo run --release -p yarp-conformance --bin soak
+
+abuse: build
+	cargo build --release -p yarp-conformance --bin abuse
+	target/release/abuse target/release/yarp
+	target/release/abuse target/release/yarp silent
 
 idle: setup
 	cargo build --release -p yarp-conformance --bin idle

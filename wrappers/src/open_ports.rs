@@ -4,6 +4,16 @@ use yarp_ports::{Network, Port, PortOptions, remote_admin};
 
 use crate::OpenError;
 
+/// Bytes of a request or command to a device, as written on the wire; the largest in use have a few kilobytes.
+pub(crate) const MAX_REQUEST: usize = 256 << 10;
+
+/// Returns the options of a port that takes requests or commands of a device.
+///
+/// A bottle takes many times the memory of its bytes, so that a longer message ends its connection instead.
+pub(crate) fn request_port() -> PortOptions {
+    PortOptions::new().max_message(MAX_REQUEST)
+}
+
 /// Opens a port with a name that no other port has.
 ///
 /// A name server gives a name away again to any client that asks, so that a second port of one name replaces the

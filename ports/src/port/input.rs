@@ -163,9 +163,11 @@ const FIRST_REPLY_DELAY: Duration = Duration::from_millis(1);
 const UNSENT: usize = 256 * 1024;
 
 /// Messages after which other tasks have their turn, however many more have come.
-const TURN: usize = 1024;
-/// Work units of a message that is answered.
+const TURN: usize = 256;
+/// Messages that one with an answer counts for.
 const ANSWERED: usize = 16;
+/// Bytes of an answer that count for one more message: a status with many connections takes long to write.
+const ANSWER_BYTES: usize = 64;
 
 /// The reason for the end of a connection.
 pub(super) enum End {
@@ -346,6 +348,7 @@ impl Connection {
         let mut work = 0;
         loop {
             loop {
+                let unsent = self.output.len();
                 let next = match self.acceptor.poll(&mut self.input.bytes, &mut self.output) {
                     // The commonest first: it makes no future.
                     Ok(Some(Event::Message(message))) => match self.handle_now(message) {
@@ -375,7 +378,7 @@ impl Connection {
                     }
                 };
                 match next {
-                    Next::Go if self.is_turn_over(&mut work) => {
+                    Next::Go if self.is_turn_over(&mut work, unsent) => {
                         if let Err(error) = self.end_turn().await {
                             return error.into();
                         }
@@ -438,14 +441,14 @@ impl Connection {
     }
 
     /// Counts a handled message; returns whether its answers must be sent, or other tasks must run, before the next one.
-    fn is_turn_over(&mut self, work: &mut usize) -> bool {
+    fn is_turn_over(&mut self, work: &mut usize, unsent: usize) -> bool {
         // A peer that requests much and reads nothing gets no further answers.
         if self.output.len() > UNSENT {
             return true;
         }
         *work += match self.output.is_empty() {
             true => 1,
-            false => ANSWERED,
+            false => ANSWERED + self.output.len().saturating_sub(unsent) / ANSWER_BYTES,
         };
         let over = *work >= TURN;
         if over {

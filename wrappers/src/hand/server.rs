@@ -10,13 +10,13 @@ use tokio::runtime::Handle;
 use tokio::task::spawn_blocking;
 use yarp_devices::hand::HandError;
 use yarp_devices::{Device, DeviceError, Grasp, Hand};
-use yarp_ports::{Answer as PortAnswer, Network, Port, PortOptions, Received};
+use yarp_ports::{Answer as PortAnswer, Network, Port, Received};
 use yarp_wire::Bottle;
 
 use super::messages::{Answer, Refused, Reply, Request, help};
 use super::port_of;
 use crate::OpenError;
-use crate::open_ports::open;
+use crate::open_ports::{open, request_port};
 
 /// Timeout of the end of motions when the hand is stopped.
 const STOP_TIMEOUT: Duration = Duration::from_secs(30);
@@ -85,7 +85,7 @@ impl HandServer {
             let served = Arc::clone(&served);
             move |received: &mut Received| served.answer(received)
         };
-        let options = PortOptions::new().handler(answering).input_only();
+        let options = request_port().handler(answering).input_only();
         let port = open(network, port_of(name), options).await?;
         tracing::info!(port = port.name(), "hand served");
         Ok(Self {

@@ -23,7 +23,7 @@ use self::request_handler::RequestHandler;
 use super::CartesianVersion;
 use super::messages::to_event;
 use crate::OpenError;
-use crate::open_ports::{close_all, open_all};
+use crate::open_ports::{close_all, open_all, request_port};
 use crate::periodic_thread::{PeriodicThread, check_period};
 use crate::reconnect::PORT_CLOSE_TIMEOUT;
 
@@ -224,7 +224,7 @@ fn obeying(handler: &Arc<RequestHandler>) -> PortOptions {
         handler.obey(&message, &received.from);
         Answer::Nothing
     };
-    PortOptions::new().handler(take).input_only()
+    request_port().handler(take).input_only()
 }
 
 fn answering(handler: &Arc<RequestHandler>) -> PortOptions {
@@ -233,5 +233,5 @@ fn answering(handler: &Arc<RequestHandler>) -> PortOptions {
         let request = received.bottle().unwrap_or_default();
         Answer::reply(handler.answer(&request, &received.from))
     };
-    PortOptions::new().handler(answer).input_only()
+    request_port().handler(answer).input_only()
 }

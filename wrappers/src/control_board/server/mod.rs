@@ -39,7 +39,7 @@ use yarp_wire::WireVersion;
 use self::request_handler::RequestHandler;
 use super::OpenError;
 use super::messages::{Command, MotionUpdate, Numbered};
-use crate::open_ports::{close_all, open_all};
+use crate::open_ports::{close_all, open_all, request_port};
 use crate::periodic_thread::{PeriodicThread, check_period};
 
 /// Default interval between published states: 50 Hz, as stock.
@@ -310,7 +310,7 @@ fn answering(board: Arc<RequestHandler>) -> PortOptions {
             None => board.answer(&request, &received.from).into_answer(),
         }
     };
-    PortOptions::new().handler(answer).input_only()
+    request_port().handler(answer).input_only()
 }
 
 fn answering_calls(board: Arc<RequestHandler>) -> PortOptions {
@@ -321,7 +321,7 @@ fn answering_calls(board: Arc<RequestHandler>) -> PortOptions {
             None => board.answer_call(&call, &received.from),
         }
     };
-    PortOptions::new()
+    request_port()
         .handler(answer)
         .input_only()
         .wire_version(WireVersion::V4)
@@ -335,5 +335,5 @@ fn obeying(board: Arc<RequestHandler>) -> PortOptions {
         }
         Answer::Nothing
     };
-    PortOptions::new().handler(obey).input_only()
+    request_port().handler(obey).input_only()
 }

