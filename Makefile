@@ -13,6 +13,8 @@
 #   make bench      ours beside stock YARP, with ratios
 #   make check      formatting, lints, vocabulary and structure of the sources
 #   make deny       licences and sources of the dependencies
+#   make features   builds each library alone, with each of its features
+#   make package    makes the packages of all published crates
 
 # Where stock YARP is kept: outside the checkout, so that it is built once.
 STOCK ?= $(HOME)/.cache/stock-yarp-3.5.0
@@ -25,7 +27,7 @@ WORKSPACE_FEATURES = $(if $(FEATURES),--features $(FEATURES:%=yarp-cli/%))
 # Where stock's graphical tools are kept.
 WINDOWS ?= $(HOME)/.cache/stock-yarp-windows
 
-.PHONY: run build test test-etcd test-live test-gui test-can soak idle hour bench check deny setup stock abuse
+.PHONY: run build features package test test-etcd test-live test-gui test-can soak idle hour bench check deny setup stock abuse
 
 run: build
 	target/release/yarp up
@@ -43,6 +45,14 @@ check:
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets $(WORKSPACE_FEATURES) -- -D warnings
 	conformance/style.py check
+
+# Each crate alone, with each of its features.
+features: setup
+	conformance/features.sh
+
+# The packages of all published crates.
+package: setup
+	cargo package --workspace --exclude yarp-conformance --exclude yarp-testing --no-verify
 
 deny: setup
 	command -v cargo-deny >/dev/null || cargo install --locked cargo-deny
