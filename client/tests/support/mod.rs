@@ -4,6 +4,7 @@
 use yarp_client::Network;
 use yarp_client::ports::blocking::wait;
 use yarp_nameserver::{Server, ServerOptions};
+#[allow(unused_imports, reason = "each test file uses a part of it")]
 pub(crate) use yarp_testing::{TIMEOUT, eventually};
 
 /// Starts a name server on loopback.

@@ -13,6 +13,7 @@ use yarp_devices::embedded::{
 };
 use yarp_devices::wam::SimulatedWam;
 use yarp_devices::{Axes, Device, Encoders, PositionControl};
+#[allow(unused_imports, reason = "each test file uses a part of it")]
 pub(crate) use yarp_testing::eventually;
 
 /// Longer than anything here takes on a busy machine.

@@ -11,6 +11,7 @@ use tempfile::TempDir;
 use yarp_devices::Hand;
 use yarp_devices::hand::simulated::{SimulatedHand, SimulatedHandOptions};
 use yarp_devices::hand::{BarrettHand, HandOptions};
+#[allow(unused_imports, reason = "each test file uses a part of it")]
 pub use yarp_testing::eventually;
 
 /// Long enough for a machine whose CPU is taken away for seconds.

@@ -10,6 +10,7 @@ use yarp_devices::camera::{CameraOptions, Pattern, Scene, SimulatedCamera};
 use yarp_devices::wam::SimulatedWam;
 use yarp_nameserver::{Server, ServerOptions};
 use yarp_ports::{Network, Port, PortOptions};
+#[allow(unused_imports, reason = "each test file uses a part of it")]
 pub(crate) use yarp_testing::eventually;
 use yarp_wrappers::{
     ControlBoardOptions, ControlBoardServer, FrameGrabberOptions, FrameGrabberServer,

@@ -12,6 +12,7 @@ use yarp_devices::can::puck::{Address, PuckMessage};
 use yarp_devices::can::{BusError, CanBus, CanFrame};
 use yarp_devices::simulation::SimulatedPucks;
 use yarp_devices::wam::can::OpenBus;
+#[allow(unused_imports, reason = "each test file uses a part of it")]
 pub use yarp_testing::eventually as until;
 
 /// Called before the pucks receive a frame; true consumes it.
