@@ -1,7 +1,7 @@
 //! The controller of a tool on the simulated arm, and what it does when the arm is taken from it.
 
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use yarp_devices::cartesian::{CartesianController, CartesianOptions};
 use yarp_devices::wam::{SimulatedWam, WamModel};

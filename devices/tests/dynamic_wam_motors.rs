@@ -1,8 +1,7 @@
 //! The interfaces of motors and forces on the arm with masses and friction, bare and behind guards.
 
 use std::sync::Arc;
-use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use yarp_devices::guard::{Guarded, GuardedOptions, JointLimits, RateLimits, TorqueLimits};
 use yarp_devices::simulation::SimulatorOptions;

@@ -1,8 +1,7 @@
 //! A guarded arm behaves like the arm within its guards, refuses by name beyond them, and holds when a stream stops.
 
 use std::sync::Arc;
-use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use yarp_devices::guard::{Guarded, GuardedOptions, JointLimits, RateLimits, TorqueLimits};
 use yarp_devices::wam::SimulatedWam;

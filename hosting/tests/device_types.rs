@@ -2,8 +2,6 @@
 
 mod support;
 
-use std::time::Instant;
-
 use support::{Stage, TIMEOUT};
 use yarp_devices::Axes;
 use yarp_devices::embedded::{LinkMode, NodeOptions, WamNode};

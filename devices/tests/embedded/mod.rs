@@ -4,8 +4,7 @@
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::sync::Arc;
-use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use yarp_devices::embedded::protocol::{ARM, Packet, Reply, Request, RequestReader, TRAJECTORY};
 use yarp_devices::embedded::{

@@ -5,7 +5,7 @@
     reason = "each test file uses a part of it"
 )]
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use tempfile::TempDir;
 use yarp_devices::Hand;

@@ -6,7 +6,7 @@ pub mod memory;
 pub mod scenarios;
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use yarp_devices::can::puck::{Address, PuckMessage};
 use yarp_devices::can::{BusError, CanBus, CanFrame};
