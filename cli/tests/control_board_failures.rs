@@ -21,8 +21,6 @@ use yarp_wire::message::Command;
 use yarp_wire::{Bottle, Limits, WireVersion};
 use yarp_wrappers::{RemoteControlBoard, RemoteControlBoardOptions};
 
-/// Longer than any step takes on a busy machine.
-const TIMEOUT: Duration = Duration::from_secs(60);
 /// Maximum error of an arm that holds its position, in degrees.
 const MAX_POSITION_ERROR: f64 = 0.01;
 /// Time for which the name server is away.

@@ -6,13 +6,10 @@ mod common;
 
 use std::path::Path;
 use std::process::Command;
-use std::time::Duration;
 
 use common::{Ended, Home, Running};
 use yarp_testing::until;
 
-/// Longer than any step takes on a busy machine.
-const TIMEOUT: Duration = Duration::from_secs(60);
 
 /// Runs `yarp run --on /host` with these arguments.
 fn ask(home: &Home, words: &[&str]) -> Ended {

@@ -9,7 +9,6 @@ use yarp_devices::wam::{DynamicArm, DynamicWam, WamModel};
 use yarp_devices::{Axes, AxisIndex, Device, DeviceError, Limits, Mode, PidKind, PidValue};
 use yarp_testing::eventually;
 
-const TEST_TIMEOUT: Duration = Duration::from_secs(60);
 const ELBOW: AxisIndex = AxisIndex::new(3);
 
 fn position(arm: &dyn Device) -> f64 {

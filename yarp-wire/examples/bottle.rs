@@ -6,7 +6,6 @@
 //! echo 'hello 0.5 (a [ok])' | cargo run -q -p yarp-wire --example bottle
 //! ```
 
-use std::fmt::Write as _;
 use std::io::{BufRead, Write};
 
 use yarp_testing::to_hex;
