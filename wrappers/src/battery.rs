@@ -21,7 +21,7 @@ use yarp_ports::{Answer, Network, Port, PortOptions, Received};
 use yarp_wire::{Bottle, Stamp, Value, Vocab32};
 
 use crate::OpenError;
-use crate::device_ports::{LatestValue, RemoteOptions, RemotePorts, ServedPorts};
+use crate::device_ports::{LatestValue, RemoteOptions, RemotePorts, ServedPort, ServedPorts};
 use crate::open_ports::request_port;
 use crate::periodic_thread::{PeriodicThread, check_period};
 use crate::thrift::{GET_VERSION, Item, Message, ReturnCode, ServiceVersion};
@@ -144,13 +144,18 @@ impl BatteryServer {
         if device.battery().is_none() {
             return Err(OpenError::NoInterface("battery"));
         }
-        let output = ("data:o", PortOptions::new());
-        let input = ("rpc:i", answering(device.clone(), name));
+        let wanted = vec![
+            ServedPort::output("data:o", PortOptions::new()),
+            ServedPort::input("rpc:i", answering(device.clone(), name)),
+        ];
         let board = name.to_owned();
-        let publish = move |port| publish(device, board, port, layout, period);
-        let ports = ServedPorts::open(network, name, output, input, publish).await?;
+        let start =
+            |outputs: &[Arc<Port>]| publish(device, board, outputs[0].clone(), layout, period);
+        let ports = ServedPorts::open(network, name, wanted, start).await?;
         tracing::info!(name, ?period, ?layout, "battery served");
-        Ok(Self { ports })
+        Ok(Self {
+            ports: ports.inputs_close_first(),
+        })
     }
 
     /// Returns the prefix of the ports' names.

@@ -2,7 +2,7 @@
 //!
 //! | file | content |
 //! | --- | --- |
-//! | `served_ports` | a server: its ports, its publisher, closing |
+//! | `served_ports` | a server: its ports, its work on them, closing |
 //! | `remote_ports` | a client: its ports, connections, calls, closing |
 //! | `latest_value` | the newest message of a stream |
 //! | `remote_options` | names, carrier and timeouts of a client |
@@ -15,4 +15,4 @@ mod served_ports;
 pub(crate) use latest_value::LatestValue;
 pub use remote_options::RemoteOptions;
 pub(crate) use remote_ports::RemotePorts;
-pub(crate) use served_ports::ServedPorts;
+pub(crate) use served_ports::{ServedPort, ServedPorts};
