@@ -96,17 +96,13 @@ impl AnalogSensorServer {
         }
         let mut wanted = Vec::new();
         for (part, _) in &parts {
-            let stream = port_name(name, part);
-            let (input, rpc) = (
-                answering(device.clone(), &stream),
-                match part.as_str() {
-                    "" => "rpc:i".to_owned(),
-                    part => format!("{part}/rpc:i"),
-                },
-            );
-            let output = PortOptions::new().deny_modification();
-            wanted.push(ServedPort::output(part, output));
-            wanted.push(ServedPort::input(rpc, input.deny_modification()));
+            let rpc = match part.as_str() {
+                "" => "rpc:i".to_owned(),
+                part => format!("{part}/rpc:i"),
+            };
+            let calibration = answering(device.clone(), &port_name(name, part));
+            wanted.push(ServedPort::output(part, PortOptions::new()).deny_modification());
+            wanted.push(ServedPort::input(rpc, calibration).deny_modification());
         }
         let period = options.period;
         let ranges = parts.into_iter().map(|(_, range)| range);

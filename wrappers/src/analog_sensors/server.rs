@@ -130,11 +130,11 @@ impl AnalogSensorsServer {
         let sensors = device.analog_sensors();
         let metadata = Metadata::of(sensors.ok_or(OpenError::NoInterface("sensors"))?);
         let count = metadata.count();
-        let input = answering(Arc::new(metadata)).deny_modification();
-        let wanted = vec![
-            ServedPort::output("measures:o", PortOptions::new().deny_modification()),
-            ServedPort::input("rpc:o", input),
+        let wanted = [
+            ServedPort::output("measures:o", PortOptions::new()),
+            ServedPort::input("rpc:o", answering(Arc::new(metadata))),
         ];
+        let wanted = wanted.map(ServedPort::deny_modification).into();
         let start = |outputs: &[Arc<Port>]| start(device, name, outputs[0].clone(), &options);
         let ports = ServedPorts::open(network, name, wanted, start).await?;
         let period = options.period;

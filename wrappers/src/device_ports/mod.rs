@@ -15,4 +15,4 @@ mod served_ports;
 pub(crate) use latest_value::LatestValue;
 pub use remote_options::RemoteOptions;
 pub(crate) use remote_ports::RemotePorts;
-pub(crate) use served_ports::{ServedPort, ServedPorts};
+pub(crate) use served_ports::{PUBLISHER_END_TIMEOUT, PortWork, ServedPort, ServedPorts};

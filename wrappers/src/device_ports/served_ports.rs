@@ -11,7 +11,7 @@ use crate::OpenError;
 use crate::open_ports::{close_all, open_each, port_name};
 use crate::periodic_thread::PeriodicThread;
 
-/// Timeout of the end of publishing.
+/// Timeout of the end of publishing, and of each other thread of a server.
 pub(crate) const PUBLISHER_END_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// Work of a server on its ports, such as publishing.
@@ -49,6 +49,12 @@ impl ServedPort {
             is_input: false,
             ..Self::input(suffix, options)
         }
+    }
+
+    /// Denies administrative requests that change the port.
+    pub(crate) fn deny_modification(mut self) -> Self {
+        self.options = self.options.deny_modification();
+        self
     }
 }
 
