@@ -42,7 +42,7 @@ pub(crate) fn port_name(prefix: &str, suffix: &str) -> String {
 }
 
 /// Opens ports by their names, in this order; all of them, or none.
-pub(crate) async fn open_each(
+pub(crate) async fn open_all(
     network: &Network,
     wanted: Vec<(String, PortOptions)>,
 ) -> Result<Vec<Port>, OpenError> {
@@ -57,17 +57,6 @@ pub(crate) async fn open_each(
         }
     }
     Ok(opened)
-}
-
-/// Opens the ports `NAME/SUFFIX`, in this order; all of them, or none.
-pub(crate) async fn open_all<const N: usize>(
-    network: &Network,
-    name: &str,
-    wanted: [(&str, PortOptions); N],
-) -> Result<[Port; N], OpenError> {
-    let wanted = wanted.map(|(suffix, options)| (port_name(name, suffix), options));
-    let opened = open_each(network, wanted.into()).await?;
-    Ok(opened.try_into().expect("all were opened"))
 }
 
 /// Closes ports concurrently; takes a few seconds at most, even if peers do not answer.

@@ -8,7 +8,7 @@ use tokio::runtime::Handle;
 use yarp_ports::{Network, Port, PortOptions};
 
 use crate::OpenError;
-use crate::open_ports::{close_all, open_each, port_name};
+use crate::open_ports::{close_all, open_all, port_name};
 use crate::periodic_thread::PeriodicThread;
 
 /// Timeout of the end of publishing, and of each other thread of a server.
@@ -157,7 +157,7 @@ async fn open_ports(
     let wanted = ports
         .into_iter()
         .map(|port| (port_name(name, &port.suffix), port.options));
-    let opened = open_each(network, wanted.collect()).await?;
+    let opened = open_all(network, wanted.collect()).await?;
     let (mut inputs, mut outputs) = (Vec::new(), Vec::new());
     for (port, is_input) in opened.into_iter().zip(are_inputs) {
         match is_input {
