@@ -9,8 +9,8 @@ use std::sync::Arc;
 
 use yarp_devices::DeviceError;
 use yarp_ports::{Network, PortError, PortOptions};
-use yarp_wire::message::WireObject;
 use yarp_wire::WireVersion;
+use yarp_wire::message::WireObject;
 
 use super::latest_image::LatestImage;
 use super::options::RemoteFrameGrabberOptions;
