@@ -33,10 +33,7 @@ const BATTERY: Vocab32 = Vocab32::new("ibat");
 const INFO: Vocab32 = Vocab32::new("btnf");
 const IS: Vocab32 = Vocab32::new("is");
 const GET_INFO: &str = "getBatteryInfoRPC";
-const RPC: RpcPort = RpcPort {
-    local: "rpc:o",
-    remote: "rpc:i",
-};
+const RPC: RpcPort = RpcPort::USUAL;
 /// Stock's default.
 const DEFAULT_PERIOD: Duration = Duration::from_secs(1);
 

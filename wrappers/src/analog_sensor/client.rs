@@ -18,10 +18,7 @@ use crate::device_ports::{
     LatestValue, Link, RemoteOptions, RemotePorts, RpcPort, SharedLink, common_setters, stream_port,
 };
 
-const RPC: RpcPort = RpcPort {
-    local: "rpc:o",
-    remote: "rpc:i",
-};
+const RPC: RpcPort = RpcPort::USUAL;
 
 /// Options of a remote sensor.
 #[derive(Clone, Debug)]

@@ -103,4 +103,19 @@ mod tests {
         assert!(matches!(value.read(|_| ()), Err(DeviceError::Stale { .. })));
         assert!(value.is_older_than(Duration::ZERO));
     }
+
+    #[test]
+    fn a_value_too_old_is_still_shown_with_its_state() {
+        let inspect =
+            |value: &LatestValue<i32>| value.inspect(|newest, status| (newest.copied(), status));
+        let value = LatestValue::new("number", Duration::ZERO);
+        assert_eq!(inspect(&value), (None, SensorStatus::WaitingForFirstRead));
+        value.store(7);
+        let arrived = value.arrived().expect("it was stored");
+        while arrived.elapsed().is_zero() {}
+        assert_eq!(inspect(&value), (Some(7), SensorStatus::Timeout));
+        let value = LatestValue::new("number", Duration::from_secs(3600));
+        value.store(7);
+        assert_eq!(inspect(&value), (Some(7), SensorStatus::Ok));
+    }
 }

@@ -27,6 +27,14 @@ pub(crate) struct RpcPort {
     pub(crate) remote: &'static str,
 }
 
+impl RpcPort {
+    /// The names that most of stock's devices have.
+    pub(crate) const USUAL: Self = Self {
+        local: "rpc:o",
+        remote: "rpc:i",
+    };
+}
+
 /// The ports of a client and their connections, which are made again when they are lost.
 ///
 /// Ports are named by their index in the order of opening.

@@ -103,3 +103,39 @@ impl<L: Link> Drop for SharedLink<L> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicBool, Ordering};
+
+    use super::*;
+
+    struct Watched(Arc<AtomicBool>);
+
+    impl Link for Watched {
+        async fn close(self) {
+            self.0.store(true, Ordering::Release);
+        }
+    }
+
+    #[test]
+    fn dropping_it_closes_the_link_also_right_after_a_call() {
+        for _ in 0..100 {
+            let closed = Arc::new(AtomicBool::new(false));
+            let shared = SharedLink::new(Watched(closed.clone()));
+            let seen = shared.run(|link| async move { link.0.load(Ordering::Acquire) });
+            assert!(!seen, "a call does not close the link");
+            drop(shared);
+            assert!(closed.load(Ordering::Acquire));
+        }
+    }
+
+    #[test]
+    fn a_failed_opening_closes_the_link() {
+        let closed = Arc::new(AtomicBool::new(false));
+        let opening = Watched(closed.clone()).unless_failed::<()>(Err(OpenError::NoAxes));
+        let opened = blocking::wait(opening);
+        assert!(matches!(opened, Err(OpenError::NoAxes)));
+        assert!(closed.load(Ordering::Acquire));
+    }
+}

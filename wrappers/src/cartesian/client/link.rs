@@ -23,10 +23,7 @@ use crate::cartesian::messages::{Query, Request};
 use crate::device_ports::{Link, RemotePorts, RpcPort, stream_port};
 use crate::reconnect::to_text;
 
-const RPC: RpcPort = RpcPort {
-    local: "rpc:o",
-    remote: "rpc:i",
-};
+const RPC: RpcPort = RpcPort::USUAL;
 /// Index of the port for commands.
 const COMMAND: usize = 0;
 /// Index of the port for poses.

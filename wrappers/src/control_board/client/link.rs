@@ -27,10 +27,7 @@ use crate::device_ports::{LatestValue, Link, RemotePorts, RpcPort, stream_port};
 use crate::reconnect::{to_text, unsupported_request};
 use crate::thrift::{ReturnCode, ServiceVersion};
 
-const RPC_3: RpcPort = RpcPort {
-    local: "rpc:o",
-    remote: "rpc:i",
-};
+const RPC_3: RpcPort = RpcPort::USUAL;
 const RPC_4: RpcPort = RpcPort {
     local: "nwc/rpc:o",
     remote: "nws/rpc:i",
