@@ -70,6 +70,7 @@ if ! command -v ip >/dev/null; then
 fi
 suite "two hosts and a link that goes down and up" \
     python3 conformance/live/two_hosts.py "$ours" target/release/hosts
+suite "what another host and another user may not do" python3 conformance/live/untrusted_peers.py "$ours"
 
 if ! command -v cvlc >/dev/null; then
     echo "live: installing VLC without its windows, 35 MB"

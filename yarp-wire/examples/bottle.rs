@@ -6,9 +6,9 @@
 //! echo 'hello 0.5 (a [ok])' | cargo run -q -p yarp-wire --example bottle
 //! ```
 
-use std::fmt::Write as _;
 use std::io::{BufRead, Write};
 
+use yarp_testing::to_hex;
 use yarp_wire::{Bottle, WireVersion};
 
 fn main() -> std::io::Result<()> {
@@ -31,14 +31,6 @@ fn main() -> std::io::Result<()> {
         }
     }
     out.flush()
-}
-
-fn to_hex(bytes: &[u8]) -> String {
-    bytes.iter().fold(String::new(), |mut hex, byte| {
-        // Writing to a string cannot fail.
-        let _ = write!(hex, "{byte:02x}");
-        hex
-    })
 }
 
 fn from_hex(line: &[u8]) -> std::io::Result<Vec<u8>> {

@@ -21,10 +21,10 @@
 //! ```
 
 use std::collections::BTreeMap;
-use std::fmt::Write as _;
 use std::io::{BufRead, Write};
 
 use bytes::{Bytes, BytesMut};
+use yarp_testing::to_hex;
 use yarp_wire::bottle::Text;
 use yarp_wire::message::{ReadObject, WireObject};
 use yarp_wire::typed::{
@@ -245,14 +245,6 @@ fn image(content: &Bottle) -> Result<Image, Failure> {
     let image = Image::from_padded(code(content, 0)?, width, height, 1, pixels)?;
     let image = image.with_quantum(size(content, 3)?)?;
     Ok(image.with_mark(integer(content, 4)? != 0))
-}
-
-fn to_hex(bytes: &[u8]) -> String {
-    bytes.iter().fold(String::new(), |mut hex, byte| {
-        // Writing to a string cannot fail.
-        let _ = write!(hex, "{byte:02x}");
-        hex
-    })
 }
 
 fn from_hex(hex: &str) -> Result<Bytes, Failure> {

@@ -13,7 +13,6 @@ use super::arm_adapter::ArmAdapter;
 use super::cartesian_settings::{Reach, Settings};
 use super::tool_motion::{Motion, Progress};
 use crate::clock::wall_clock;
-use crate::iface::EVENTS_KEPT;
 use crate::kinematics::{Chain, Joints, Pose, Task};
 use crate::wam::periodic_timer::PeriodicTimer;
 use crate::{CartesianEvent, CartesianInfo, Device, DeviceError};
@@ -22,6 +21,8 @@ use crate::{CartesianEvent, CartesianInfo, Device, DeviceError};
 const PERIOD: Duration = Duration::from_millis(10);
 /// The protocol version that clients query.
 const SERVER_VERSION: &str = "2.0";
+/// Maximum number of queued events for a receiver that does not read.
+const MAX_QUEUED_EVENTS: usize = 256;
 /// Maximum number of stored contexts: a client that keeps storing does not fill the memory.
 const MAX_CONTEXTS: usize = 1000;
 
@@ -410,7 +411,7 @@ impl<const N: usize> State<N> {
     }
 
     pub(super) fn listen(&mut self) -> Receiver<CartesianEvent> {
-        let (sender, receiver) = sync_channel(EVENTS_KEPT);
+        let (sender, receiver) = sync_channel(MAX_QUEUED_EVENTS);
         self.listeners.push(sender);
         receiver
     }
