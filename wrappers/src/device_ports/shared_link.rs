@@ -57,9 +57,8 @@ impl<L: Link> SharedLink<L> {
         F: Future<Output = T> + Send + 'static,
     {
         let link = self.link.clone().expect("taken only on drop");
-        let working = work(link);
-        // Awaited in a future of its own: the work is dropped before its result is sent.
-        blocking::wait(async move { working.await })
+        // Awaiting the work drops it, and with it the link, before its result is sent.
+        blocking::wait(work(link))
     }
 
     /// Takes the link, for closing it in another way than by dropping.
