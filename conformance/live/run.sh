@@ -26,14 +26,14 @@ ran=0
 failed=0
 # Runs a command with a title, if it is one of those to run; goes on after a failure, and remembers it and what it said.
 suite() {
-    local title=$1 code=0
+    local title=$1 code=0 begin=$SECONDS
     shift
     [[ $title == *"$only"* ]] || return 0
     ran=$((ran + 1))
     echo "---- $title"
     timeout 600 "$@" 2>&1 | tee "$work/said" || code=$?
     if [ $code = 0 ]; then
-        echo "---- $title: passed"
+        echo "---- $title: passed in $((SECONDS - begin)) s"
     else
         echo "---- $title: FAILED, exit code $code"
         failed=$((failed + 1))
