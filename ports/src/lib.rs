@@ -3,10 +3,20 @@
 //! [`Network`] holds the addresses of the name servers; [`Port`] is a port on it; [`AdminClient`]
 //! is a short admin connection to another port; [`remote_admin`] makes other ports connect.
 //! [`blocking`] is the same for synchronous programs.
+//!
+//! | feature | default | content |
+//! | --- | --- | --- |
+//! | `jpeg` | yes | the carrier `mjpeg`, and the monitor `image_compression_jpeg` |
+//! | `shmem` | yes | the carrier `shmem` |
+//! | `zlib` | yes | the monitors `bottle_compression_zlib` and `depthimage_compression_zlib` |
+//! | `tls` | no | encrypted connections: the carrier `tls` |
+//!
+//! A port built without a carrier neither offers nor accepts it.
 
 pub mod addresses;
 mod admin_client;
 mod auth_step;
+mod available_carriers;
 pub mod blocking;
 mod busy_poll;
 mod cancel;
@@ -21,6 +31,7 @@ mod own_names;
 mod port;
 pub mod remote_admin;
 pub mod roles;
+#[cfg_attr(not(feature = "shmem"), path = "shmem_absent.rs")]
 mod shmem;
 mod socket;
 mod tcp_stream;

@@ -17,11 +17,14 @@ use std::time::Duration;
 
 use yarp_devices::clock::wall_clock;
 use yarp_devices::{Battery, BatteryReading, BatteryStatus, Device, DeviceError};
-use yarp_ports::{Answer, Network, Port, PortOptions, Received};
+use yarp_ports::{Answer, Network, Port, PortOptions, Received, blocking};
 use yarp_wire::{Bottle, Stamp, Value, Vocab32};
 
 use crate::OpenError;
-use crate::device_ports::{LatestValue, RemoteOptions, RemotePorts, ServedPorts};
+use crate::device_ports::{
+    LatestValue, Link, RemoteOptions, RemotePorts, RpcPort, ServedPort, ServedPorts, SharedLink,
+    stream_port,
+};
 use crate::open_ports::request_port;
 use crate::periodic_thread::{PeriodicThread, check_period};
 use crate::thrift::{GET_VERSION, Item, Message, ReturnCode, ServiceVersion};
@@ -30,6 +33,7 @@ const BATTERY: Vocab32 = Vocab32::new("ibat");
 const INFO: Vocab32 = Vocab32::new("btnf");
 const IS: Vocab32 = Vocab32::new("is");
 const GET_INFO: &str = "getBatteryInfoRPC";
+const RPC: RpcPort = RpcPort::USUAL;
 /// Stock's default.
 const DEFAULT_PERIOD: Duration = Duration::from_secs(1);
 
@@ -144,13 +148,18 @@ impl BatteryServer {
         if device.battery().is_none() {
             return Err(OpenError::NoInterface("battery"));
         }
-        let output = ("data:o", PortOptions::new());
-        let input = ("rpc:i", answering(device.clone(), name));
+        let wanted = vec![
+            ServedPort::output("data:o", PortOptions::new()),
+            ServedPort::input("rpc:i", answering(device.clone(), name)),
+        ];
         let board = name.to_owned();
-        let publish = move |port| publish(device, board, port, layout, period);
-        let ports = ServedPorts::open(network, name, output, input, publish).await?;
+        let start =
+            |outputs: &[Arc<Port>]| publish(device, board, outputs[0].clone(), layout, period);
+        let ports = ServedPorts::open(network, name, wanted, start).await?;
         tracing::info!(name, ?period, ?layout, "battery served");
-        Ok(Self { ports })
+        Ok(Self {
+            ports: ports.inputs_close_first(),
+        })
     }
 
     /// Returns the prefix of the ports' names.
@@ -234,7 +243,7 @@ fn answer(request: &Bottle, info: impl FnOnce() -> Option<String>) -> Answer {
 /// takes a few seconds at most.
 #[derive(Debug)]
 pub struct RemoteBattery {
-    ports: RemotePorts,
+    ports: SharedLink<RemotePorts>,
     layout: BatteryLayout,
     latest: Arc<LatestValue<BatteryReading>>,
 }
@@ -253,12 +262,18 @@ impl RemoteBattery {
             "reading of the battery",
             options.max_state_age,
         ));
+        let stored = latest.clone();
         let take = move |received: &Received| {
             let time = received.stamp().map_or_else(wall_clock, |stamp| stamp.time);
-            layout.read(&received.bottle().ok()?, time)
+            let message = received.bottle().ok();
+            match message.and_then(|message| layout.read(&message, time)) {
+                Some(reading) => stored.store(reading),
+                None => tracing::warn!(from = %received.from, "not a message of this device"),
+            }
         };
-        let stream = ("data:o", "data:i");
-        let ports = RemotePorts::open(network, options, stream, latest.clone(), take)?;
+        let (network, newest) = (network.with_timeout(options.rpc_timeout), latest.clone());
+        let opening = async move { connect(&network, &options, newest, stream_port(take)).await };
+        let ports = SharedLink::new(blocking::wait(opening)?);
         tracing::info!(remote = ports.remote(), "remote battery connected");
         Ok(Self {
             ports,
@@ -271,6 +286,30 @@ impl RemoteBattery {
     pub fn remote(&self) -> &str {
         self.ports.remote()
     }
+}
+
+/// Opens `LOCAL/data:i` and `LOCAL/rpc:o` and connects them.
+async fn connect(
+    network: &Network,
+    options: &RemoteOptions,
+    latest: Arc<LatestValue<BatteryReading>>,
+    stream: PortOptions,
+) -> Result<RemotePorts, OpenError> {
+    options.check_remote(network, &["data:o", "rpc:i"]).await?;
+    let wanted = vec![
+        ("data:i", stream),
+        ("rpc:o", PortOptions::new().rpc_client()),
+    ];
+    let mut ports = RemotePorts::open(network, options, "server", RPC, wanted).await?;
+    let connected = async {
+        ports.connect_rpc().await?;
+        ports.subscribe("data:o", 0, &latest, Duration::ZERO).await
+    }
+    .await;
+    ports
+        .unless_failed(connected)
+        .await
+        .map(|(ports, ())| ports)
 }
 
 impl Battery for RemoteBattery {

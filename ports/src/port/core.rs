@@ -20,6 +20,7 @@ use super::receive_queue::ReceiveQueue;
 use super::received_message::Answer;
 use super::reply_channel::ReplyPool;
 use super::socket_qos::SocketHandle;
+use crate::available_carriers;
 use crate::cancel::{Cancel, Cancelled, join};
 use crate::error::{PortError, resolve};
 use crate::limits::{self, BAD_CONNECTION_LOG_INTERVAL, BAD_CONNECTION_LOG_LINES};
@@ -218,7 +219,7 @@ impl Core {
         let text = to.carrier.as_deref().unwrap_or(&found.carrier);
         let spec = text.parse().ok();
         if let Some(spec) = &spec
-            && let Some(carrier) = Carrier::of(spec).filter(|carrier| !carrier.push)
+            && let Some(carrier) = available_carriers::of(spec).filter(|carrier| !carrier.push)
         {
             if peer_asks {
                 self.check_right(&found, Right::Write).await?;
@@ -247,7 +248,7 @@ impl Core {
             carrier: text.to_owned(),
             known: known_carriers(),
         })?;
-        let carrier = Carrier::of(&spec).filter(|carrier| carrier.initiates);
+        let carrier = available_carriers::of(&spec).filter(|carrier| carrier.initiates);
         let carrier = carrier.ok_or_else(|| match is_modifier(&spec.base) {
             true => PortError::Modifier(MonitorError::NoCarrier {
                 name: spec.base.clone(),
@@ -571,11 +572,7 @@ pub(crate) fn is_port(name: &str) -> bool {
 }
 
 fn known_carriers() -> String {
-    let begun = |carrier: &&Carrier| carrier.initiates;
-    let names = yarp_wire::carrier::ALL.into_iter().filter(begun);
-    let mut names: Vec<_> = names.map(|carrier| carrier.name).collect();
-    names.dedup();
-    names.join(", ")
+    available_carriers::names(|carrier| carrier.initiates).join(", ")
 }
 
 /// Iterates over the outputs that transmit, either copies of received messages or the owner's: the

@@ -176,6 +176,8 @@ pub(super) enum End {
     Failed(io::Error),
     /// Its modifiers cannot be applied.
     Refused(MonitorError),
+    /// This build lacks the carrier.
+    NoCarrier(&'static str),
     /// It came over HTTP, which the port does not take.
     NoBrowsers,
     /// It is not encrypted, and has to be; or what it asks for cannot be.
@@ -308,6 +310,9 @@ impl Connection {
             End::Closed | End::Moved(_) => return,
             End::Broken(error) => format!("dropping a connection: {error}"),
             End::Refused(error) => format!("refusing a connection: {error}"),
+            End::NoCarrier(name) => {
+                format!("refusing a connection: this program was built without the carrier {name}")
+            }
             End::Full(what) => format!("refusing a connection: {what}"),
             End::NotAllowed(right) => format!("dropping a connection: {}", self.refusal(right)),
             End::Failed(error) => {

@@ -31,6 +31,7 @@ mod http_server;
 mod idle_connections;
 mod in_process;
 mod input;
+#[cfg_attr(not(feature = "jpeg"), path = "jpeg_absent.rs")]
 mod jpeg;
 mod jpeg_decoder;
 mod listener;

@@ -111,13 +111,9 @@ impl KeyHandshake {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use yarp_testing::from_hex as hex;
 
-    fn hex(text: &str) -> Vec<u8> {
-        let digits = text.as_bytes().chunks(2);
-        let byte = |pair: &[u8]| u8::from_str_radix(std::str::from_utf8(pair).unwrap(), 16);
-        digits.map(|pair| byte(pair).unwrap()).collect()
-    }
+    use super::*;
 
     /// Codes that another implementation of HMAC-SHA256 gave for the same key and nonces.
     #[test]

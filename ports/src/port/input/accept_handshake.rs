@@ -9,6 +9,7 @@ use yarp_wire::connection::{ProtocolError, REFUSAL};
 use yarp_wire::protocol::{PayloadKind, header_reply};
 
 use super::{Connection, End, Next};
+use crate::available_carriers::is_available;
 use crate::network::Network;
 use crate::port::core::{Entry, InputEntry, is_port};
 use crate::port::monitor::{MonitorError, MonitorSide};
@@ -57,6 +58,11 @@ impl Connection {
         group: Option<SocketAddrV4>,
     ) -> Next {
         self.sender = sender;
+        if !is_available(carrier) {
+            self.output.clear();
+            self.output.extend_from_slice(REFUSAL.as_bytes());
+            return Next::Stop(End::NoCarrier(carrier.name));
+        }
         if carrier.begins_with_http() && !self.core.options.browsers {
             self.output.clear();
             self.output.extend_from_slice(NO_BROWSERS.as_bytes());

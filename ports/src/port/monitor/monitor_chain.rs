@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
-use bytes::{Bytes, BytesMut};
+use bytes::BytesMut;
 use tokio::sync::Semaphore;
 use yarp_wire::message::{Form, Payload, Pieces, WireObject};
 use yarp_wire::typed::Property;
@@ -317,13 +317,6 @@ fn section(all: &Bottle, side: MonitorSide) -> Bottle {
         }
     }
     own
-}
-
-/// Returns the bytes of a payload as a reader of `wire_version` wants them.
-pub(super) fn binary(payload: &Payload, wire_version: WireVersion) -> Bytes {
-    let mut bytes = BytesMut::new();
-    Content(payload).write_binary(&mut bytes, wire_version);
-    bytes.freeze()
 }
 
 #[cfg(test)]

@@ -9,7 +9,6 @@ use yarp_devices::{
     AxisIndex, CartesianControl, CartesianEvent, CartesianInfo, DeviceError, Limits, PoseSolution,
     Priority, StampedPose, Target, TaskPose, TaskVelocity, TweakChange, Tweaks,
 };
-use yarp_ports::blocking;
 
 use super::RemoteCartesianControl;
 use crate::cartesian::messages::reply::Values;
@@ -29,13 +28,8 @@ impl RemoteCartesianControl {
         request: Request,
         read: impl Fn(&Values) -> Option<T> + Send + 'static,
     ) -> Result<T, DeviceError> {
-        let link = self.link().clone();
-        blocking::wait(async move {
-            let answer = link.ask(&request, read).await;
-            // Before anybody learns of the answer, so that dropping the tool finds itself alone.
-            drop(link);
-            answer
-        })
+        self.link
+            .run(|link| async move { link.ask(&request, read).await })
     }
 
     fn get<T: Send + 'static>(
@@ -55,12 +49,8 @@ impl RemoteCartesianControl {
     }
 
     fn order(&self, request: Request) -> Result<(), DeviceError> {
-        let link = self.link().clone();
-        blocking::wait(async move {
-            let sent = link.order(&request).await;
-            drop(link);
-            sent
-        })
+        self.link
+            .run(|link| async move { link.order(&request).await })
     }
 }
 
@@ -90,7 +80,7 @@ impl CartesianControl for RemoteCartesianControl {
     }
 
     fn pose(&self) -> Result<StampedPose, DeviceError> {
-        self.link().latest.pose()
+        self.link.latest.pose()
     }
 
     fn link_pose(&self, axis: AxisIndex) -> Result<StampedPose, DeviceError> {
@@ -184,7 +174,7 @@ impl CartesianControl for RemoteCartesianControl {
     fn attach_tip(&self, tip: TaskPose) -> Result<(), DeviceError> {
         self.set(Setting::Tip(tip))?;
         let put_on = Instant::now();
-        let latest = &self.link().latest;
+        let latest = &self.link.latest;
         while put_on.elapsed() < MAX_POLL_TIME
             && latest.arrived().is_none_or(|arrived| arrived <= put_on)
         {
@@ -250,6 +240,6 @@ impl CartesianControl for RemoteCartesianControl {
     }
 
     fn events(&self) -> Result<Receiver<CartesianEvent>, DeviceError> {
-        Ok(self.link().latest.listen())
+        Ok(self.link.latest.listen())
     }
 }
