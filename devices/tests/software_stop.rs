@@ -139,7 +139,10 @@ fn a_client_that_floods_the_device_does_not_keep_the_stop_away() {
                 while !ending.load(Ordering::Relaxed) {
                     let modes = arm.control_mode().unwrap();
                     let asked = modes.set_control_modes(ELBOW, &[Mode::Velocity]);
-                    let moved = arm.velocity_control().unwrap().velocity_move(ELBOW, &[-5.0]);
+                    let moved = arm
+                        .velocity_control()
+                        .unwrap()
+                        .velocity_move(ELBOW, &[-5.0]);
                     refused += u64::from(is_held(asked)) + u64::from(is_held(moved));
                 }
                 refused

@@ -2,11 +2,11 @@
 
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use crate::kinematics::{Chain, Joints};
+use crate::periodic_timer::{MissedCycles, PeriodicTimer};
 use crate::trajectory::StraightLine;
-use crate::wam::periodic_timer::PeriodicTimer;
 use crate::{
     Axes, ControlLimits, ControlMode, Device, DeviceError, EncoderReading, Encoders, Mode,
     PositionDirect,
@@ -157,7 +157,7 @@ impl<const N: usize> Shared<N> {
             }
             drop(state);
             // After a pause of the machine the line continues from where it was.
-            let mut timer = PeriodicTimer::without_catch_up(LINE_PERIOD);
+            let mut timer = PeriodicTimer::new(Instant::now(), LINE_PERIOD, MissedCycles::Restart);
             while timer.wait(|| {
                 let state = self.lock();
                 state.ending || state.line.is_none()
