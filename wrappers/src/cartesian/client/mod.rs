@@ -100,7 +100,7 @@ impl Drop for RemoteCartesianControl {
         if let Some(link) = self.link.take() {
             blocking::wait(async move {
                 for request in requests {
-                    if let Err(error) = link.ask(&request, |_| Some(())).await {
+                    if let Err(error) = link.ask(&request).await {
                         // The server is gone, and with it its contexts.
                         tracing::debug!("{error}");
                         break;
