@@ -17,13 +17,13 @@ use std::time::Duration;
 
 use yarp_devices::clock::wall_clock;
 use yarp_devices::{Battery, BatteryReading, BatteryStatus, Device, DeviceError};
-use yarp_ports::{Answer, Network, Port, PortOptions, Received, blocking};
+use yarp_ports::{Answer, Network, Port, PortOptions, Received};
 use yarp_wire::{Bottle, Stamp, Value, Vocab32};
 
 use crate::OpenError;
 use crate::device_ports::{
     LatestValue, Link, RemoteOptions, RemotePorts, RpcPort, ServedPort, ServedPorts, SharedLink,
-    stream_port,
+    stream_port, wait,
 };
 use crate::open_ports::request_port;
 use crate::periodic_thread::{PeriodicThread, check_period};
@@ -273,7 +273,7 @@ impl RemoteBattery {
         };
         let (network, newest) = (network.with_timeout(options.rpc_timeout), latest.clone());
         let opening = async move { connect(&network, &options, newest, stream_port(take)).await };
-        let ports = SharedLink::new(blocking::wait(opening)?);
+        let ports = SharedLink::new(wait(opening)?);
         tracing::info!(remote = ports.remote(), "remote battery connected");
         Ok(Self {
             ports,
