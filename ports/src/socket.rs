@@ -15,7 +15,7 @@ use crate::auth_step;
 use crate::error::{PortError, resolve};
 use crate::network::Network;
 use crate::shmem::ShmemStream;
-use crate::tcp_stream::Tcp;
+use crate::latency::{Optimisation, Tcp};
 use crate::tls::{self, Tls, TlsError, TlsStream};
 use crate::unix_socket::Unix;
 
@@ -71,6 +71,9 @@ impl Socket {
     /// Suppresses wake-ups for few bytes, where supported, until the next wait in
     /// [`Socket::readable`].
     pub(crate) fn suppress_wakeups(&self) {
+        if !Optimisation::SuppressWakeups.is_enabled() {
+            return;
+        }
         match self {
             Self::Tcp(stream) => stream.suppress_wakeups(),
             Self::Unix(stream) => stream.suppress_wakeups(),
@@ -174,11 +177,13 @@ pub(crate) fn prepare(stream: &TcpStream) -> io::Result<()> {
 ///
 /// Source: tcp(7) of Linux; saves five system calls per connection.
 pub(crate) fn prepare_all(listener: &TcpListener) -> bool {
-    cfg!(target_os = "linux") && prepare_socket(&SockRef::from(listener)).is_ok()
+    cfg!(target_os = "linux")
+        && Optimisation::InheritedOptions.is_enabled()
+        && prepare_socket(&SockRef::from(listener)).is_ok()
 }
 
 fn prepare_socket(socket: &SockRef<'_>) -> io::Result<()> {
-    socket.set_tcp_nodelay(true)?;
+    socket.set_tcp_nodelay(Optimisation::NoDelay.is_enabled())?;
     let asking = TcpKeepalive::new()
         .with_time(KEEPALIVE_IDLE)
         .with_interval(KEEPALIVE_INTERVAL)
@@ -321,7 +326,11 @@ impl ReadBuffer {
     /// Makes room for this many more bytes. Two buffers alternate, so that a small message that is
     /// still in use does not require a new one.
     pub(crate) fn reserve(&mut self, room: usize) {
-        if self.bytes.is_empty() && room <= MAX_READ_LEN && !self.bytes.try_reclaim(room) {
+        if self.bytes.is_empty()
+            && room <= MAX_READ_LEN
+            && Optimisation::BufferReuse.is_enabled()
+            && !self.bytes.try_reclaim(room)
+        {
             std::mem::swap(&mut self.bytes, &mut self.spare);
         }
         self.bytes.reserve(room);

@@ -9,6 +9,7 @@ use yarp_wire::protocol::PayloadKind;
 
 use super::jpeg;
 use super::output::Output;
+use crate::latency::Optimisation;
 
 /// A message in one form.
 #[derive(Clone, Debug)]
@@ -55,7 +56,8 @@ impl<'a> Encoded<'a> {
 
     /// Returns the index of the form of this kind, encoding it at the first use.
     fn index(&mut self, kind: Kind, message: &impl WireObject, output: &Output) -> usize {
-        if let Some(index) = self.forms.iter().position(|(tried, _)| *tried == kind) {
+        let known = self.forms.iter().position(|(tried, _)| *tried == kind);
+        if let Some(index) = known.filter(|_| Optimisation::EncodeOnce.is_enabled()) {
             return index;
         }
         let form = match kind {
@@ -125,6 +127,9 @@ thread_local! {
 
 /// Returns an empty buffer, with the capacity of an earlier message if available.
 fn spare() -> Pieces {
+    if !Optimisation::BufferReuse.is_enabled() {
+        return Pieces::default();
+    }
     SPARE_BUFFERS.with_borrow_mut(Vec::pop).unwrap_or_default()
 }
 

@@ -27,14 +27,14 @@ use super::output::{Output, OutputTransport};
 use super::socket_qos::SocketHandle;
 use crate::addresses;
 use crate::auth_step;
-use crate::busy_poll::{BusyPoll, Expecting};
+use crate::latency::{BusyPoll, Expecting, Optimisation};
 use crate::cancel::Cancelled;
 use crate::error::error_chain;
 use crate::limits::{INCOMING_BUDGET, Reservation, SMALL_MESSAGE};
 use crate::log_text::printable;
 use crate::roles::{self, Peer, Right, Rights};
 use crate::socket::{self, ReadBuffer, Socket};
-use crate::tcp_stream::Tcp;
+use crate::latency::Tcp;
 use crate::udp_socket;
 
 /// Serves a connection until it closes, is superseded, times out, or the port closes.
@@ -351,6 +351,11 @@ impl Connection {
                 let unsent = self.output.len();
                 let next = match self.acceptor.poll(&mut self.input.bytes, &mut self.output) {
                     // The commonest first: it makes no future.
+                    Ok(Some(Event::Message(message)))
+                        if !Optimisation::InlineHandling.is_enabled() =>
+                    {
+                        Box::pin(self.message(message)).await
+                    }
                     Ok(Some(Event::Message(message))) => match self.handle_now(message) {
                         Step::Done(next) => next,
                         left => self.handle_rest(left).await,
@@ -559,7 +564,10 @@ impl Connection {
     /// Sends the output so far; only a header reply waits briefly for the reply to a message that
     /// was received with it: the peer polls for the latter only.
     async fn send_output(&mut self) {
-        if self.header_reply_len > 0 && self.output.len() == self.header_reply_len {
+        if self.header_reply_len > 0
+            && self.output.len() == self.header_reply_len
+            && Optimisation::FirstReply.is_enabled()
+        {
             tokio::time::sleep(FIRST_REPLY_DELAY).await;
         }
         // A peer that is gone is noticed when it is read from.

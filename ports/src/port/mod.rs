@@ -49,7 +49,6 @@ mod reply_channel;
 mod send_queue;
 mod socket_qos;
 mod text_commands;
-mod write_batch;
 
 use std::sync::Arc;
 use std::task::Poll;

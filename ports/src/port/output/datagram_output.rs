@@ -10,7 +10,7 @@ use yarp_wire::datagram;
 use crate::cancel::Cancelled;
 use crate::port::output::StopReason;
 use crate::port::send_queue::SendQueue;
-use crate::port::write_batch::DatagramBatch;
+use crate::latency::DatagramBatch;
 
 /// Sends each queued message, split into datagrams, until the connection closes or moves; returns
 /// the reason.
