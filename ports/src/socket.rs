@@ -13,9 +13,9 @@ use yarp_wire::carrier::Transport;
 
 use crate::auth_step;
 use crate::error::{PortError, resolve};
+use crate::latency::{Optimisation, Tcp};
 use crate::network::Network;
 use crate::shmem::ShmemStream;
-use crate::latency::{Optimisation, Tcp};
 use crate::tls::{self, Tls, TlsError, TlsStream};
 use crate::unix_socket::Unix;
 

@@ -24,7 +24,7 @@ use super::encode_once::Form;
 use super::monitor::{self, Chain, MonitorSide};
 use super::multicast_group::Group;
 use super::send_queue::SendQueue;
-use super::socket_qos::SocketHandle;
+use super::socket_handle::SocketHandle;
 use crate::admin_client::AdminClient;
 use crate::cancel::Cancelled;
 use crate::error::PortError;

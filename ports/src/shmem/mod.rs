@@ -233,7 +233,8 @@ impl ShmemStream {
         let mut yielder = Yielder::midway();
         while soon.load(Relaxed)
             && Optimisation::ShmemPoll.is_enabled()
-            && begin.elapsed() < MAX_POLL_DURATION {
+            && begin.elapsed() < MAX_POLL_DURATION
+        {
             yielder.once().await;
             if ready()? {
                 return Ok(true);

@@ -84,7 +84,10 @@ async fn count_all(name: &str) -> Result<(), Failure> {
     println!("ready");
     tokio::task::spawn_blocking(move || {
         for goal in std::io::stdin().lines().map_while(Result::ok) {
-            println!("{}", wait_for_count(&count, goal.trim().parse().unwrap_or(0)));
+            println!(
+                "{}",
+                wait_for_count(&count, goal.trim().parse().unwrap_or(0))
+            );
         }
     })
     .await?;

@@ -89,7 +89,9 @@ impl Bench {
             return Err("build it with `--features latency-ablation`".into());
         }
         println!("{ALTERNATIONS} alternations, medians; gain: how much better with than without");
-        println!("optimisation        workload                                      with    without    gain");
+        println!(
+            "optimisation        workload                                      with    without    gain"
+        );
         let wanted = |(name, _): &&(&str, &[Workload])| wanted.is_empty() || *name == wanted;
         for (name, workloads) in OPTIMISATIONS.iter().filter(wanted) {
             for workload in *workloads {

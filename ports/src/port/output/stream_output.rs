@@ -4,8 +4,8 @@ use std::io;
 use std::sync::Arc;
 use std::time::Instant;
 
-use crate::latency::{self, Batch, BusyPoll, Expecting, Optimisation, Yielder};
 use crate::cancel::Cancelled;
+use crate::latency::{self, Batch, BusyPoll, Expecting, Optimisation, Yielder};
 use crate::port::output::StopReason;
 use crate::port::send_queue::SendQueue;
 use crate::socket::{ReadBuffer, Socket};
@@ -55,9 +55,7 @@ pub(super) async fn run(
             | Socket::Tcp(_)
             | Socket::Shmem(_)
             | Socket::Datagrams(_)
-            | Socket::Tls(_) => {
-                write_batch(stream, send_queue, batch)
-            }
+            | Socket::Tls(_) => write_batch(stream, send_queue, batch),
         };
         if let Err(error) = written {
             return StopReason::End(format!("writing failed: {error}"));
