@@ -20,6 +20,7 @@ mod available_carriers;
 pub mod blocking;
 mod cancel;
 pub mod config;
+mod connect;
 pub mod discovery_client;
 mod error;
 mod latency;

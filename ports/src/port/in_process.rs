@@ -16,7 +16,6 @@ use super::connections::{Entry, InputEntry};
 use super::counters::Meter;
 use super::dedicated_thread::{ConnectionControl, ControlReceiver};
 use super::dispatch::Dispatcher;
-use super::encode_once;
 use super::log_modifier;
 use super::monitor::{Chain, MonitorSide};
 use super::output::Output;
@@ -26,6 +25,7 @@ use super::send_queue::{Parcel, SendQueue};
 use super::socket_handle::SocketHandle;
 use crate::cancel::Cancelled;
 use crate::error::PortError;
+use crate::latency::{keep_form, write_form};
 use crate::network::Endpoint;
 
 /// The ports of this process, by the number that they listen on.
@@ -184,14 +184,14 @@ impl Local {
         let (reply, last) = taking.await;
         let reply = parcel.wants_reply.then(|| {
             let wire_version = WireVersion::default();
-            encode_once::write(wire_version, |pieces| match reply {
+            write_form(wire_version, |pieces| match reply {
                 Some(reply) => reply.write_pieces(pieces, wire_version),
                 None => Bottle::new().write_pieces(pieces, wire_version),
             })
         });
         self.send_queue.delivered(bytes, reply.as_ref());
         if let Some(reply) = reply {
-            encode_once::keep(reply.pieces);
+            keep_form(reply);
         }
         last
     }

@@ -21,6 +21,7 @@ use super::jpeg_decoder::PooledJpegDecoder;
 use super::monitor::{Chain, MonitorSide};
 use super::received_message::Received;
 use super::socket_handle::SocketHandle;
+use crate::connect::connect;
 use crate::error::PortError;
 use crate::log_text::printable;
 use crate::network::Endpoint;
@@ -117,7 +118,7 @@ async fn open(
         let address = format!("{host}:{port}");
         PortError::connect(name, address, "head of the response", error)
     };
-    let stream = Arc::new(socket::connect(name, host, *port, &reader.port.network).await?);
+    let stream = Arc::new(connect(name, host, *port, &reader.port.network).await?);
     let address = stream.tcp().and_then(|tcp| tcp.peer_addr().ok());
     let request = mjpeg::request(spec.modifier("path"), &format!("{host}:{port}"));
     let mut output = BytesMut::from(request.as_str());
@@ -137,13 +138,14 @@ async fn open(
         connection: 0,
     };
     // Lines are only taken off the buffer here: the first part waits for `run`.
-    while !pull
+    while pull
         .parts
         .open(&mut pull.input.bytes)
         .map_err(|source| PortError::Mjpeg {
             peer: name.clone(),
             source,
         })?
+        .is_none()
     {
         if pull.input.read(&pull.stream, 0).await.map_err(lost)? == 0 {
             return Err(lost(io::ErrorKind::UnexpectedEof.into()));

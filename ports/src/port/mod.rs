@@ -68,7 +68,7 @@ use yarp_wire::message::{Command, Payload, ReadObject, WireObject};
 use yarp_wire::name_service::RegisterRequest;
 use yarp_wire::{Contact, PortName, Stamp, WireVersion};
 
-use self::encode_once::{Encoded, Form};
+use self::encode_once::Encoded;
 use self::monitor::Outgoing;
 use self::output::Output;
 use self::parts::Parts;
@@ -76,6 +76,7 @@ use self::port_context::PortContext;
 use crate::addresses;
 use crate::cancel::Cancel;
 use crate::error::PortError;
+use crate::latency::Form;
 use crate::lease_renewal::LeasedNames;
 use crate::network::Network;
 

@@ -15,8 +15,8 @@ use yarp_wire::message::Command;
 
 use super::counters::{LatestEnvelope, Traffic};
 use super::dedicated_thread::DedicatedThread;
-use super::encode_once::Form;
 use super::reply_channel::{Outcome, ReplyPool, ReplyReceiver, ReplySender};
+use crate::latency::Form;
 use crate::latency::{Batch, DatagramBatch, Optimisation};
 use crate::socket::Socket;
 

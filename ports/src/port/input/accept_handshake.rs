@@ -10,6 +10,7 @@ use yarp_wire::protocol::{PayloadKind, header_reply};
 
 use super::{Connection, End, Next};
 use crate::available_carriers::is_available;
+use crate::connect;
 use crate::network::Network;
 use crate::port::connections::{Entry, InputEntry};
 use crate::port::monitor::{MonitorError, MonitorSide};
@@ -36,7 +37,7 @@ pub(super) async fn secure(stream: Socket, network: &Network) -> Result<Option<S
         return Ok(None);
     }
     if !tls::is_hello(first[0]) {
-        return match socket::concerns(tls, tcp) {
+        return match connect::concerns(tls, tcp) {
             true => Err(TlsError::Plain),
             false => Ok(Some(stream)),
         };

@@ -7,7 +7,7 @@ use yarp_wire::carrier::Transport;
 use yarp_wire::connection::Initiator;
 use yarp_wire::message::{Command, Payload};
 
-use super::super::encode_once::Form;
+use crate::latency::Form;
 use crate::latency::{Batch, DatagramBatch};
 
 /// Room for several small messages to a reader in this process.
