@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use yarp_wire::carrier::Transport;
+use yarp_wire::carrier::{Carrier, CarrierSpec, Transport};
 use yarp_wire::{Contact, WireVersion};
 
 use super::connections::Connections;
@@ -113,48 +113,52 @@ impl Connector {
                 name: self.port.name.clone(),
             });
         }
+        let opened = self.open(&found, &spec, carrier, logs).await;
+        let mut output = opened?.with_monitors(monitors);
+        output.logs = logs;
+        self.connections.add_output(output);
+        Ok(found.name)
+    }
+
+    /// Makes a connection to a reader, which is not in the list yet.
+    async fn open(
+        &self,
+        reader: &Endpoint,
+        spec: &CarrierSpec,
+        carrier: &'static Carrier,
+        logs: bool,
+    ) -> Result<Output, PortError> {
         if carrier.transport == Transport::Local {
-            let output = in_process::connect(&self.port, &found, &spec, carrier)?;
-            let mut output = output.with_monitors(monitors);
-            output.logs = logs;
-            self.connections.add_output(output);
-            return Ok(found.name);
+            return in_process::connect(&self.port, reader, spec, carrier);
         }
-        let address = (found.host.as_str(), found.port);
+        let address = (reader.host.as_str(), reader.port);
         let wire_version = match self.port.options.peer_version {
             Some(wire_version) => Some(wire_version),
             // Only ports of ours have the carrier, and they read both.
             None if carrier.transport == Transport::Encrypted => None,
             None if carrier.protocol.payload_kind().are_binary() => {
-                version_probe::peer_version(&found.name, address, &self.port.network).await
+                version_probe::peer_version(&reader.name, address, &self.port.network).await
             }
             None => Some(WireVersion::default()),
         };
         let group = match carrier.transport {
-            Transport::Group => Some(self.connections.group(&found, logs).await?),
+            Transport::Group => Some(self.connections.group(reader, logs).await?),
             _ => None,
         };
         let target = Target {
             from: &self.port.name,
-            to: &found,
-            spec: &spec,
+            to: reader,
+            spec,
             carrier,
             wire_version: wire_version.unwrap_or(self.port.options.wire_version),
             group: group.as_ref(),
             network: &self.port.network,
         };
-        match Output::connect(&target, self.port.cancelled.clone()).await {
-            Ok(output) => {
-                let mut output = output.with_monitors(monitors);
-                output.logs = logs;
-                self.connections.add_output(output);
-                Ok(found.name)
-            }
-            Err(error) => {
-                self.connections.release_groups().await;
-                Err(error)
-            }
+        let connected = Output::connect(&target, self.port.cancelled.clone()).await;
+        if connected.is_err() {
+            self.connections.release_groups().await;
         }
+        connected
     }
 
     /// Returns whether a peer may have the port make another connection, by what kind of connection it is and how many there are.

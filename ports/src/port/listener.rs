@@ -178,11 +178,7 @@ pub(super) async fn listen(parts: Arc<Parts>, listener: TcpListener) {
                     if throttling != is_throttling {
                         is_throttling = throttling;
                         if throttling {
-                            tracing::warn!(
-                                port = %parts.context.name, address = %peer.ip(),
-                                "too many invalid connections, last from {}; throttling accepts",
-                                peer.ip(),
-                            );
+                            log_throttling(&parts, peer.ip());
                         }
                         let waiting = if throttling { THROTTLED_BACKLOG } else { DEFAULT_BACKLOG };
                         // If the system refuses, the backlog remains unchanged.
@@ -220,6 +216,14 @@ pub(super) async fn listen(parts: Arc<Parts>, listener: TcpListener) {
     }
     drop(listener);
     join(connections).await;
+}
+
+/// Logs that accepts are throttled.
+fn log_throttling(parts: &Parts, address: IpAddr) {
+    tracing::warn!(
+        port = %parts.context.name, %address,
+        "too many invalid connections, last from {address}; throttling accepts",
+    );
 }
 
 /// Logs a connection that is refused because no slot of the process is free.

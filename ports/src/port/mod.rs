@@ -1,22 +1,33 @@
 //! A port: a named place that other programs connect to.
 //!
-//! | file | what it is about |
+//! A port is composed of three parts with state of their own, and of one that connects:
+//!
+//! | part | file | state |
+//! | --- | --- | --- |
+//! | `Connections` | `connections` | the connections in both directions, their groups and counts |
+//! | `Dispatcher` | `dispatch` | the queue of received messages, pending replies, monitors of the port |
+//! | `Connector` | `connector` | none: makes outgoing connections with the two above |
+//! | `Administration` | `administration` | the properties that peers set |
+//!
+//! `parts` composes them; `port_context` holds what does not change while the port is open.
+//!
+//! | file | content |
 //! | --- | --- |
-//! | `options` | how a port is to be opened |
-//! | `core` | what the tasks of a port share |
-//! | `listener`, `callers` | the number that it listens on, who comes and is silent |
-//! | `connection_slots` | how many connections the process holds, and which one makes room |
-//! | `input`, `inbox`, `received` | incoming connections, what arrived, one message of it |
-//! | `output`, `outbox`, `group` | outgoing connections, what is to be sent, multicast |
-//! | `encoded`, `batch`, `call` | a message in the forms that readers want, bytes on their way, who waits for a reply |
-//! | `pull`, `picture` | connections made to read from, images as browsers see them |
-//! | `admin`, `describe`, `browser` | what programs and people ask of the port itself |
-//! | `supervised` | connections that come back |
-//! | `silent` | writers in datagrams that may be gone |
-//! | `log` | copies of what arrives for those who look on |
-//! | `counters` | what passed |
-//! | `monitor` | what messages pass on their way |
-//! | `qos`, `own_thread` | how urgent the packets and the thread of a connection are |
+//! | `port_options` | options of a port |
+//! | `listener`, `accept_throttle`, `idle_connections` | accepted connections, and those that send nothing |
+//! | `connection_slots` | the number of connections of the process, and which one makes room |
+//! | `input`, `receive_queue`, `received_message` | incoming connections and their messages |
+//! | `output`, `send_queue`, `multicast_group` | outgoing connections, messages to be sent, multicast |
+//! | `encode_once`, `reply_channel` | a message in the forms that readers want, pending replies |
+//! | `in_process` | connections within the process |
+//! | `mjpeg_client`, `jpeg` | connections made to read from, images as browsers see them |
+//! | `admin_commands`, `text_commands`, `http_server` | requests of programs and people to the port itself |
+//! | `socket_qos`, `dedicated_thread` | priority of the packets and the thread of a connection |
+//! | `reconnecting` | connections that are made again |
+//! | `datagram_liveness` | writers in datagrams that may be gone |
+//! | `log_modifier` | copies of received messages |
+//! | `counters`, `counter_snapshot` | counts of messages |
+//! | `monitor` | monitors that messages pass |
 
 mod accept_throttle;
 mod admin_commands;
