@@ -14,6 +14,7 @@
 //! * [`sensors`]: simulated sensors of an arm, and sensors of several devices as one.
 //! * [`guard`]: limits and a watchdog around any device.
 //! * [`clock`]: the time of day. [`pseudo_random`]: numbers that are the same for the same seed.
+//!   [`periodic_timer`]: deadlines at equal distances.
 //! * [`checks`]: behaviours that every device with these interfaces must show.
 //!
 //! Values are degrees, deg/s and deg/s² for revolute joints, metres, m/s and m/s² for prismatic ones:
@@ -63,6 +64,7 @@ pub mod iface;
 pub mod image;
 #[cfg(feature = "barrett")]
 pub mod kinematics;
+pub mod periodic_timer;
 pub mod pseudo_random;
 pub mod remapper;
 #[cfg(feature = "barrett")]

@@ -70,7 +70,7 @@ enum RuntimeCopy {
 }
 
 impl Unix {
-    /// Returns the stream needs to be non-blocking.
+    /// Wraps a stream, which must be non-blocking.
     fn new(stream: net::UnixStream) -> io::Result<Self> {
         let copy = Mutex::new(RuntimeCopy::Unregistered(stream.try_clone()?));
         let suppressions_to_skip = AtomicU32::new(0);

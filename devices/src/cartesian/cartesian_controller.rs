@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use nalgebra::Vector3;
 
@@ -14,7 +14,7 @@ use super::cartesian_settings::{Reach, Settings};
 use super::tool_motion::{Motion, Progress};
 use crate::clock::wall_clock;
 use crate::kinematics::{Chain, Joints, Pose, Task};
-use crate::wam::periodic_timer::PeriodicTimer;
+use crate::periodic_timer::{MissedCycles, PeriodicTimer};
 use crate::{CartesianEvent, CartesianInfo, Device, DeviceError};
 
 /// Stock's default.
@@ -198,8 +198,8 @@ impl<const N: usize> Shared<N> {
     }
 
     fn run(&self, period: Duration) {
-        let mut pace = PeriodicTimer::without_catch_up(period);
-        while pace.wait(|| self.ending.load(Ordering::Acquire)) {
+        let mut timer = PeriodicTimer::new(Instant::now(), period, MissedCycles::Restart);
+        while timer.wait(|| self.ending.load(Ordering::Acquire)) {
             // After a pause of the machine a motion continues from where it was: it does not jump.
             self.lock().cycle(self, period.as_secs_f64());
         }

@@ -37,7 +37,7 @@ impl Protocol for NameSer {
         PayloadKind::Text
     }
 
-    /// Returns the magic is the beginning of the first message.
+    /// Writes nothing: the magic is the beginning of the first message.
     fn put_header(&self, _carrier: &Carrier, _sender: &Sender, _output: &mut BytesMut) {}
 
     fn handshake_decoder(

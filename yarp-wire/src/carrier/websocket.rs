@@ -44,7 +44,7 @@ impl Protocol for Websocket {
         output.put_slice(&carrier.magic);
     }
 
-    /// Returns the magic is the beginning of the request.
+    /// Leaves the magic in `input`: it is the beginning of the request.
     fn handshake_decoder(
         &self,
         _carrier: &'static Carrier,
