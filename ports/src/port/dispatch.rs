@@ -13,6 +13,9 @@ use super::received_message::{Answer, Received, Reply};
 use super::reply_channel::{ReplyPool, ReplyReceiver};
 
 /// The state of a message after the part of its dispatch that does not wait.
+///
+/// Not a [`Ready`](yarp_wire::Ready): each variant waits for something else, the owner's answer or
+/// room in the queue.
 pub(super) enum Dispatched {
     Answered(Answer),
     /// The owner has it, and will answer.

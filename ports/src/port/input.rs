@@ -248,6 +248,8 @@ pub(super) struct Connection {
 }
 
 /// The next step after a message.
+///
+/// Not a [`Ready`](yarp_wire::Ready): it selects the transport of the next message.
 pub(super) enum Next {
     Go,
     /// Messages come over a socket of the file system.

@@ -15,6 +15,9 @@ use crate::port::text_commands::{HELP, NOT_UNDERSTOOD};
 use crate::roles::Right;
 
 /// The state of a message.
+///
+/// Not a [`Ready`](yarp_wire::Ready): the message is complete, and what is left carries what the
+/// rest of its handling needs.
 pub(super) enum Step {
     Done(Next),
     /// It is on its way to the owner; returns whether the sender wants a reply.
