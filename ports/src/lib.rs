@@ -18,11 +18,12 @@ mod admin_client;
 mod auth_step;
 mod available_carriers;
 pub mod blocking;
-mod busy_poll;
 mod cancel;
 pub mod config;
+mod connect;
 pub mod discovery_client;
 mod error;
+mod latency;
 mod lease_renewal;
 pub mod limits;
 mod log_text;
@@ -34,7 +35,6 @@ pub mod roles;
 #[cfg_attr(not(feature = "shmem"), path = "shmem_absent.rs")]
 mod shmem;
 mod socket;
-mod tcp_stream;
 mod thread_schedule;
 #[cfg_attr(not(feature = "tls"), path = "tls_absent.rs")]
 mod tls;
@@ -46,6 +46,7 @@ mod version_probe;
 pub use admin_client::AdminClient;
 pub use auth_step::AuthFailure;
 pub use error::{PortError, error_chain};
+pub use latency::request_low_timer_slack;
 pub use log_text::{Printable, printable};
 pub use network::{Endpoint, Network};
 pub use port::{
@@ -55,7 +56,6 @@ pub use port::{
     Reader, Received, ReconnectOptions, ReconnectingConnection, Reply, Traffic,
 };
 pub use port::{built_in as built_in_monitor, built_in_names as built_in_monitors, modifier_names};
-pub use thread_schedule::request_low_timer_slack;
 #[cfg(feature = "tls")]
 pub use tls::Required as TlsRequired;
 pub use tls::{Tls, TlsError};

@@ -17,6 +17,7 @@ use yarp_wire::name_service::{
 use crate::addresses;
 use crate::available_carriers;
 use crate::config::{Configuration, DEFAULT_NAMESPACE, NameServer, Namespace};
+use crate::connect::connect;
 use crate::error::PortError;
 use crate::lease_renewal::LeasedNames;
 use crate::log_text::printable;
@@ -478,7 +479,7 @@ impl Network {
             }
         };
         let conversation = async {
-            let connecting = socket::connect("the name server", host, port, self);
+            let connecting = connect("the name server", host, port, self);
             let stream = match connecting.await {
                 Ok(stream) => stream,
                 Err(PortError::Connect { source, .. }) => {

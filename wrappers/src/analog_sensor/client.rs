@@ -10,12 +10,13 @@ use std::time::Duration;
 
 use yarp_devices::clock::wall_clock;
 use yarp_devices::{AnalogSensor, Device, DeviceError, SensorReading, SensorStatus};
-use yarp_ports::{Network, PortOptions, Received, blocking};
+use yarp_ports::{Network, PortOptions, Received};
 
 use super::requests;
 use crate::OpenError;
 use crate::device_ports::{
-    LatestValue, Link, RemoteOptions, RemotePorts, RpcPort, SharedLink, common_setters, stream_port,
+    LatestValue, Link, RemoteOptions, RemotePorts, RpcPort, SharedLink, common_setters,
+    stream_port, wait,
 };
 
 const RPC: RpcPort = RpcPort::USUAL;
@@ -75,7 +76,7 @@ impl RemoteAnalogSensor {
         let newest = latest.clone();
         let opening = async move { connect(&network, &options, newest).await };
         Ok(Self {
-            ports: SharedLink::new(blocking::wait(opening)?),
+            ports: SharedLink::new(wait(opening)?),
             latest,
         })
     }

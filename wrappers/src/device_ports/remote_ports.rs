@@ -116,7 +116,7 @@ impl RemotePorts {
         let from = self.remote_port(suffix);
         let ends = (from.as_str(), self.ports[port].name());
         let (latest, age) = (latest.clone(), age.max(2 * WATCH_INTERVAL));
-        let are_missing = move || latest.is_older_than(age);
+        let are_missing = Box::new(move || latest.is_older_than(age));
         let carrier = &self.options.carrier;
         subscribe(&self.network, ends, carrier, &mut self.asking, are_missing).await
     }

@@ -172,3 +172,56 @@ async fn open_ports(
 fn owned(ports: Vec<Arc<Port>>) -> impl Iterator<Item = Port> {
     ports.into_iter().filter_map(Arc::into_inner)
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Mutex;
+
+    use yarp_nameserver::{Server, ServerOptions};
+    use yarp_ports::remote_admin;
+
+    use super::*;
+
+    /// Work that notes, when it ends, which ports are still there.
+    struct Noting {
+        network: Network,
+        seen: Arc<Mutex<Vec<bool>>>,
+    }
+
+    impl PortWork for Noting {
+        async fn end(self) {
+            for port in ["/device/in", "/device"] {
+                let there = remote_admin::exists(&self.network, port).await;
+                self.seen.lock().unwrap().push(there.unwrap());
+            }
+        }
+    }
+
+    #[tokio::test]
+    async fn inputs_close_before_the_work_ends_if_so_chosen_and_outputs_after_it() {
+        let options = ServerOptions::default().at("127.0.0.1", 0);
+        let names = Server::start(options).await.unwrap();
+        let network = names.network();
+        for inputs_first in [false, true] {
+            let seen = Arc::new(Mutex::new(Vec::new()));
+            let ports = vec![
+                ServedPort::input("in", PortOptions::new()),
+                ServedPort::output("", PortOptions::new()),
+            ];
+            let work = Noting {
+                network: network.clone(),
+                seen: seen.clone(),
+            };
+            let opening = ServedPorts::open(&network, "/device", ports, |_| Ok(work));
+            let mut served = opening.await.unwrap();
+            if inputs_first {
+                served = served.inputs_close_first();
+            }
+            served.close().await;
+            assert_eq!(*seen.lock().unwrap(), [!inputs_first, true]);
+            for port in ["/device/in", "/device"] {
+                assert!(!remote_admin::exists(&network, port).await.unwrap());
+            }
+        }
+    }
+}

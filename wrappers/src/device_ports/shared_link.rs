@@ -4,11 +4,10 @@ use std::ops::Deref;
 use std::sync::Arc;
 
 use yarp_devices::DeviceError;
-use yarp_ports::blocking;
 use yarp_wire::Bottle;
 use yarp_wire::message::WireObject;
 
-use super::RemotePorts;
+use super::{RemotePorts, wait};
 use crate::OpenError;
 use crate::reconnect::to_text;
 
@@ -58,7 +57,7 @@ impl<L: Link> SharedLink<L> {
     {
         let link = self.link.clone().expect("taken only on drop");
         // Awaiting the work drops it, and with it the link, before its result is sent.
-        blocking::wait(work(link))
+        wait(work(link))
     }
 
     /// Takes the link, for closing it in another way than by dropping.
@@ -98,7 +97,7 @@ impl<L: Link> Deref for SharedLink<L> {
 impl<L: Link> Drop for SharedLink<L> {
     fn drop(&mut self) {
         if let Some(link) = self.take() {
-            blocking::wait(link.close());
+            wait(link.close());
         }
     }
 }
@@ -133,7 +132,7 @@ mod tests {
     fn a_failed_opening_closes_the_link() {
         let closed = Arc::new(AtomicBool::new(false));
         let opening = Watched(closed.clone()).unless_failed::<()>(Err(OpenError::NoAxes));
-        let opened = blocking::wait(opening);
+        let opened = wait(opening);
         assert!(matches!(opened, Err(OpenError::NoAxes)));
         assert!(closed.load(Ordering::Acquire));
     }

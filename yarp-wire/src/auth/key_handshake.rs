@@ -71,6 +71,8 @@ impl KeyHandshake {
     /// Consumes received bytes from `input` and appends the answer to `output`; returns whether the
     /// peer has proved that it holds the key. After an error the connection must be closed.
     ///
+    /// Not a [`Ready`](crate::Ready): the handshake decodes no value, and ends with a yes.
+    ///
     /// Never consumes more than the handshake itself.
     pub fn poll(&mut self, input: &mut BytesMut, output: &mut BytesMut) -> Result<bool, AuthError> {
         while self.to_hear > 0 {

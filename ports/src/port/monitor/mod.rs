@@ -58,7 +58,7 @@ use std::time::Duration;
 use yarp_wire::message::Payload;
 use yarp_wire::{Bottle, Value};
 
-pub(super) use monitor_chain::{Attached, Chain, Outgoing};
+pub(super) use monitor_chain::{Attached, Chain, ChainBuilder, Outgoing};
 pub(super) use monitor_task::run as stage;
 pub(super) use priority_arbiter::Arbiter;
 

@@ -23,20 +23,24 @@ pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl RemoteCartesianControl {
-    fn ask<T: Send + 'static>(
-        &self,
-        request: Request,
-        read: impl Fn(&Values) -> Option<T> + Send + 'static,
-    ) -> Result<T, DeviceError> {
-        self.link
-            .run(|link| async move { link.ask(&request, read).await })
+    /// Sends a request, and waits for the reply. Not generic, so that its task is compiled once.
+    fn reply_to(&self, request: Request) -> (Request, Result<Values, DeviceError>) {
+        self.link.run(|link| async move {
+            let values = link.ask(&request).await;
+            (request, values)
+        })
     }
 
-    fn get<T: Send + 'static>(
+    fn ask<T>(
         &self,
-        question: Query,
-        read: fn(&Values) -> Option<T>,
+        request: Request,
+        read: impl Fn(&Values) -> Option<T>,
     ) -> Result<T, DeviceError> {
+        let (request, values) = self.reply_to(request);
+        self.link.read(&request, &values?, read)
+    }
+
+    fn get<T>(&self, question: Query, read: fn(&Values) -> Option<T>) -> Result<T, DeviceError> {
         self.ask(Request::Get(question), read)
     }
 

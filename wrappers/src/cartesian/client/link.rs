@@ -125,30 +125,41 @@ impl ToolLink {
         what: &'static str,
         read: impl Fn(&Values) -> Option<T>,
     ) -> Result<T, OpenError> {
-        let asked = self.ask(&Request::Get(question), read).await;
-        asked.map_err(|source| OpenError::Query {
+        let request = Request::Get(question);
+        let asked = self.ask(&request).await;
+        let read = asked.and_then(|values| self.read(&request, &values, read));
+        read.map_err(|source| OpenError::Query {
             question: what,
             source,
         })
     }
 
     /// Sends a request, and waits for the reply.
-    pub(super) async fn ask<T>(
+    pub(super) async fn ask(&self, request: &Request) -> Result<Values, DeviceError> {
+        let message = request.to_bottle();
+        match reply::read(self.ports.call(&message).await?) {
+            Some(Some(values)) => Ok(values),
+            Some(None) => Err(self.refused(&message)),
+            None => Err(self.unreadable(request)),
+        }
+    }
+
+    /// Returns what `read` makes of the reply to `request`.
+    pub(super) fn read<T>(
         &self,
         request: &Request,
+        values: &Values,
         read: impl Fn(&Values) -> Option<T>,
     ) -> Result<T, DeviceError> {
-        let message = request.to_bottle();
-        let values = match reply::read(self.ports.call(&message).await?) {
-            Some(Some(values)) => read(&values),
-            Some(None) => return Err(self.refused(&message)),
-            None => None,
-        };
-        values.ok_or_else(|| {
-            let step = format!("understanding the answer to `{}`", to_text(&message));
-            self.ports
-                .unreadable(step, "whether it is a cartesian controller")
-        })
+        read(values).ok_or_else(|| self.unreadable(request))
+    }
+
+    fn unreadable(&self, request: &Request) -> DeviceError {
+        let asked = to_text(&request.to_bottle());
+        self.ports.unreadable(
+            format!("understanding the answer to `{asked}`"),
+            "whether it is a cartesian controller",
+        )
     }
 
     fn refused(&self, message: &Bottle) -> DeviceError {

@@ -16,12 +16,12 @@ use std::collections::BTreeSet;
 use std::sync::Mutex;
 
 use yarp_devices::Device;
-use yarp_ports::{Network, blocking};
+use yarp_ports::Network;
 
 use self::link::ToolLink;
 use super::messages::Request;
 use crate::OpenError;
-use crate::device_ports::{Link, SharedLink};
+use crate::device_ports::{Link, SharedLink, wait};
 pub use options::RemoteCartesianOptions;
 
 /// The tool of an arm in another program, as iCub's `cartesiancontrollerclient` casts it.
@@ -70,7 +70,7 @@ impl RemoteCartesianControl {
     ///   [`OpenError::Query`]; then nothing stays open.
     pub fn open(network: &Network, options: RemoteCartesianOptions) -> Result<Self, OpenError> {
         let network = network.with_timeout(options.common.rpc_timeout);
-        let link = blocking::wait(async move { ToolLink::open(&network, &options).await })?;
+        let link = wait(async move { ToolLink::open(&network, &options).await })?;
         tracing::info!(remote = link.ports.remote(), "remote tool connected");
         Ok(Self {
             link: SharedLink::new(link),
@@ -98,9 +98,9 @@ impl Drop for RemoteCartesianControl {
             .chain(checkpoints.into_iter().map(Request::Unregister))
             .collect();
         if let Some(link) = self.link.take() {
-            blocking::wait(async move {
+            wait(async move {
                 for request in requests {
-                    if let Err(error) = link.ask(&request, |_| Some(())).await {
+                    if let Err(error) = link.ask(&request).await {
                         // The server is gone, and with it its contexts.
                         tracing::debug!("{error}");
                         break;

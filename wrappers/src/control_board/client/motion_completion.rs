@@ -96,7 +96,7 @@ impl Announcements {
             });
         let port = open(network, format!("{}/async:i", names.local), options).await?;
         let mut asking = JoinSet::new();
-        let are_missing = move || writers.load(Ordering::Relaxed) == 0;
+        let are_missing = Box::new(move || writers.load(Ordering::Relaxed) == 0);
         let between = (from.as_str(), port.name());
         match subscribe(network, between, &names.carrier, &mut asking, are_missing).await {
             Ok(()) => Ok(Self {
