@@ -1,0 +1,253 @@
+//! From a face to an object: outline, size, print.
+
+use std::sync::{Mutex, PoisonError};
+
+use nalgebra::Point3;
+use opencv::core::Mat;
+
+use super::height_map::Face;
+use super::outline::{self, Outline};
+use super::print::{Print, RectifiedFace};
+use super::{
+    DetectorParameters, DetectorSetup, FoundObject, KindFace, ObjectDatabase, ObjectKind, refine,
+};
+use crate::{Detection, Elevation, Polygon, Result, Shape, VisionError};
+
+/// Largest difference between a measured and a listed size, and between heights, m.
+const SIZE_TOLERANCE: f64 = 0.005;
+pub(super) const HEIGHT_TOLERANCE: f64 = 0.004;
+/// Threads that examine faces.
+const THREADS: usize = 2;
+
+/// The parts of a detector that threads share.
+pub(super) struct Examiner<'a> {
+    pub(super) setup: &'a DetectorSetup,
+    pub(super) parameters: &'a DetectorParameters,
+    pub(super) database: &'a ObjectDatabase,
+    /// Prints of each kind.
+    pub(super) prints: &'a [Vec<Mutex<Print>>],
+}
+
+impl Examiner<'_> {
+    /// Returns the objects of all faces, in the order of the faces.
+    pub(super) fn examine_all(&self, image: &Mat, faces: &[Face]) -> Result<Vec<FoundObject>> {
+        let next = std::sync::atomic::AtomicUsize::new(0);
+        let examine = || {
+            let mut found = Vec::new();
+            loop {
+                let index = next.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+                let Some(face) = faces.get(index) else {
+                    return Ok(found);
+                };
+                found.extend(self.examine(image, face)?.map(|object| (index, object)));
+            }
+        };
+        let parts: Vec<Result<Vec<(usize, FoundObject)>>> = std::thread::scope(|scope| {
+            let helpers: Vec<_> = (1..THREADS).map(|_| scope.spawn(examine)).collect();
+            let mut parts = vec![examine()];
+            for helper in helpers {
+                parts.push(helper.join().expect("examining a face does not panic"));
+            }
+            parts
+        });
+        let mut all = Vec::new();
+        for part in parts {
+            all.extend(part?);
+        }
+        all.sort_by_key(|(index, _)| *index);
+        Ok(all.into_iter().map(|(_, object)| object).collect())
+    }
+
+    /// Returns the object whose upper face this is.
+    fn examine(&self, image: &Mat, face: &Face) -> Result<Option<FoundObject>> {
+        let failed = VisionError::cv("fit an outline");
+        let Some((outline, fill)) = outline::fit(&face.points).map_err(failed)? else {
+            return Ok(None);
+        };
+        if fill < self.parameters.min_fill {
+            return Ok(None);
+        }
+        let height = self.setup.surface + face.height;
+        let camera = &self.setup.camera;
+        let gradient = self.parameters.gradient;
+        let Some(around) = refine::Surroundings::new(image, camera, &outline, height, gradient)?
+        else {
+            return Ok(None);
+        };
+        let (outline, _) = around.refine(&outline, self.parameters.reach);
+        let (outline, support) = around.refine(&outline, self.parameters.reach / 2.0);
+        if support < self.parameters.min_support {
+            return Ok(None);
+        }
+        self.named(image, &outline, face.height, fill * support)
+    }
+
+    fn named(
+        &self,
+        image: &Mat,
+        outline: &Outline,
+        height: f64,
+        score: f64,
+    ) -> Result<Option<FoundObject>> {
+        let top = self.setup.surface + height;
+        let contour = refine::pixels(&self.setup.camera, outline, top);
+        let [x, y] = outline.centre();
+        let Some(centre) = self.setup.camera.project(&Point3::new(x, y, top)) else {
+            return Ok(None);
+        };
+        let fits = |value: f64, [low, high]: [f64; 2]| {
+            (low - SIZE_TOLERANCE..=high + SIZE_TOLERANCE).contains(&value)
+        };
+        let at_height = |kind: &&ObjectKind| {
+            let [low, high] = kind.height;
+            (low - HEIGHT_TOLERANCE..=high + HEIGHT_TOLERANCE).contains(&height)
+        };
+        let sides = sides(outline);
+        let kind_of = |fits: &dyn Fn(&KindFace) -> bool| {
+            let mut kinds = self.database.kinds.iter().filter(at_height);
+            kinds
+                .find(|kind| fits(&kind.face))
+                .map(|kind| kind.name.clone())
+        };
+        let pixels = |metres: f64| {
+            let focal = self.setup.camera.intrinsics.focal;
+            metres * (focal[0] + focal[1])
+                / 2.0
+                / (self.setup.camera.pose.translation.vector.z - top).max(1e-3)
+        };
+        let angle = longest(&contour).map_or(0.0, |[dx, dy]| (dy / dx).atan());
+        let mut score = score;
+        let (kind, shape, size) = match outline {
+            Outline::Circle { radius, .. } => {
+                let kind = kind_of(
+                    &|face| matches!(face, KindFace::Circle { radius: range } if fits(*radius, *range)),
+                );
+                let radius_pixels = pixels(*radius);
+                let shape = Shape::Cylinder {
+                    radius: radius_pixels,
+                };
+                (kind, shape, [2.0 * radius; 2])
+            }
+            Outline::Polygon(_) if sides.len() == 3 => {
+                let (longest, shortest) = (extreme(&sides, f64::max), extreme(&sides, f64::min));
+                let side = sides.iter().sum::<f64>() / 3.0;
+                let kind = kind_of(&|face| {
+                    matches!(face, KindFace::Triangle { sides: range }
+                        if fits(side, *range) && longest - shortest < 2.0 * SIZE_TOLERANCE)
+                });
+                let side_pixels = pixels(side);
+                let shape = Shape::Polygon(Polygon::Triangle {
+                    side: side_pixels,
+                    angle,
+                });
+                (kind, shape, [side; 2])
+            }
+            Outline::Polygon(_) => {
+                let [one, other] = [0, 1].map(|index| (sides[index] + sides[index + 2]) / 2.0);
+                let size = [one.max(other), one.min(other)];
+                if let Some((name, inliers)) =
+                    self.printed(image, &contour, [one, other], height)?
+                {
+                    score = inliers as f64;
+                    let shape = Shape::Textured {
+                        model: name.clone(),
+                    };
+                    (Some(name), shape, size)
+                } else {
+                    let kind = kind_of(&|face| {
+                        matches!(face, KindFace::Rectangle { sides: range }
+                            if fits(one, *range) && fits(other, *range))
+                    });
+                    let shape = Shape::Polygon(Polygon::Rectangle {
+                        sides: size.map(pixels),
+                        angle,
+                    });
+                    (kind, shape, size)
+                }
+            }
+        };
+        let Some(kind) = kind else {
+            return Ok(None);
+        };
+        let detection = Detection {
+            shape,
+            centre,
+            contour,
+            score,
+        };
+        let elevation = Elevation::Height(top);
+        let pose = self.setup.camera.pose_of(&detection, elevation);
+        Ok(Some(FoundObject {
+            kind,
+            detection,
+            pose,
+            height: Some(height),
+            size: Some(size),
+        }))
+    }
+
+    /// Returns the printed kind that a rectangular face shows, with the number of agreeing features.
+    fn printed(
+        &self,
+        image: &Mat,
+        contour: &[[f64; 2]],
+        sides: [f64; 2],
+        height: f64,
+    ) -> Result<Option<(String, usize)>> {
+        let size = [sides[0].min(sides[1]), sides[0].max(sides[1])];
+        let mut rectified = None;
+        let mut best: Option<(String, usize)> = None;
+        for (kind, prints) in self.database.kinds.iter().zip(self.prints) {
+            let KindFace::Printed { sides: listed, .. } = &kind.face else {
+                continue;
+            };
+            let near = |one: f64, other: f64| (one - other).abs() <= 2.0 * SIZE_TOLERANCE;
+            let fits = near(size[0], listed[0])
+                && near(size[1], listed[1])
+                && height >= kind.height[0] - HEIGHT_TOLERANCE
+                && height <= kind.height[1] + HEIGHT_TOLERANCE;
+            if !fits || contour.len() != 4 {
+                continue;
+            }
+            if rectified.is_none() {
+                rectified = Some(RectifiedFace::new(image, contour, sides)?);
+            }
+            let Some(face) = &rectified else { continue };
+            for print in prints {
+                let mut print = print.lock().unwrap_or_else(PoisonError::into_inner);
+                let inliers = face.inliers(&mut print, self.parameters.ratio)?;
+                let better = best.as_ref().is_none_or(|(_, most)| inliers > *most);
+                if inliers >= self.parameters.min_inliers && better {
+                    best = Some((kind.name.clone(), inliers));
+                }
+            }
+        }
+        Ok(best)
+    }
+}
+
+fn sides(outline: &Outline) -> Vec<f64> {
+    let Outline::Polygon(corners) = outline else {
+        return Vec::new();
+    };
+    let ends = |index: usize| (corners[index], corners[(index + 1) % corners.len()]);
+    (0..corners.len())
+        .map(ends)
+        .map(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1]))
+        .collect()
+}
+
+fn extreme(values: &[f64], choose: fn(f64, f64) -> f64) -> f64 {
+    values.iter().copied().reduce(choose).unwrap_or(0.0)
+}
+
+/// Returns the longest side of a contour as a vector.
+fn longest(contour: &[[f64; 2]]) -> Option<[f64; 2]> {
+    let side = |index: usize| {
+        let (a, b) = (contour[index], contour[(index + 1) % contour.len()]);
+        [b[0] - a[0], b[1] - a[1]]
+    };
+    (0..contour.len())
+        .map(side)
+        .max_by(|one, other| one[0].hypot(one[1]).total_cmp(&other[0].hypot(other[1])))
+}

@@ -1,0 +1,149 @@
+//! Outlines of faces in the plane of the table: circles, rectangles, triangles through measured points.
+
+use nalgebra::{Matrix3, Vector3};
+use opencv::core::{Point2f, RotatedRect, Vector};
+use opencv::imgproc;
+
+use crate::shape::polygon_area;
+
+/// Directions from the middle of a face in which its farthest point is looked for.
+const DIRECTIONS: usize = 72;
+/// Largest distance of a point from its circle, m.
+const CIRCLE_REACH: f64 = 0.0018;
+/// Circles through three points that are tried.
+const TRIALS: usize = 120;
+/// OpenCV's outlines have single precision: they are computed in mm about the middle of the face.
+const MILLIMETRE: f64 = 1e-3;
+
+/// An outline, m.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Outline {
+    Circle {
+        centre: [f64; 2],
+        radius: f64,
+    },
+    /// Three or four corners in order.
+    Polygon(Vec<[f64; 2]>),
+}
+
+impl Outline {
+    /// Returns the centre of a circle, or the mean of the corners.
+    pub(super) fn centre(&self) -> [f64; 2] {
+        match self {
+            Self::Circle { centre, .. } => *centre,
+            Self::Polygon(corners) => mean(corners),
+        }
+    }
+}
+
+/// Returns the outline that fits the points of a face best, with the share of it that the points agree with, 0 to 1.
+pub(super) fn fit(points: &[[f64; 2]]) -> opencv::Result<Option<(Outline, f64)>> {
+    if points.len() < 3 {
+        return Ok(None);
+    }
+    let middle = mean(points);
+    if let Some((outline, share)) = circle(points, middle)
+        && share >= 0.7
+    {
+        return Ok(Some((outline, share)));
+    }
+    let local = |point: &[f64; 2]| {
+        let [x, y] = [0, 1].map(|axis| ((point[axis] - middle[axis]) / MILLIMETRE) as f32);
+        Point2f::new(x, y)
+    };
+    let back = |point: Point2f| {
+        [
+            middle[0] + f64::from(point.x) * MILLIMETRE,
+            middle[1] + f64::from(point.y) * MILLIMETRE,
+        ]
+    };
+    let all: Vector<Point2f> = points.iter().map(local).collect();
+    let mut hull: Vector<Point2f> = Vector::new();
+    imgproc::convex_hull_def(&all, &mut hull)?;
+    if hull.len() < 3 {
+        return Ok(None);
+    }
+    let area = imgproc::contour_area_def(&hull)? * MILLIMETRE * MILLIMETRE;
+    let around: RotatedRect = imgproc::min_area_rect(&hull)?;
+    let mut corners = [Point2f::default(); 4];
+    around.points(&mut corners)?;
+    let rectangle = corners.map(back).to_vec();
+    let mut triangle: Vector<Point2f> = Vector::new();
+    imgproc::min_enclosing_triangle(&hull, &mut triangle)?;
+    let triangle: Vec<[f64; 2]> = triangle.iter().map(back).collect();
+    let fill = |outline: &[[f64; 2]]| match outline.len() {
+        3 | 4 => area / polygon_area(outline).max(1e-12),
+        _ => 0.0,
+    };
+    let (of_rectangle, of_triangle) = (fill(&rectangle), fill(&triangle));
+    Ok(Some(if of_rectangle >= of_triangle {
+        (Outline::Polygon(rectangle), of_rectangle)
+    } else {
+        (Outline::Polygon(triangle), of_triangle)
+    }))
+}
+
+/// Returns the circle through the farthest points of a face, and the share of them that lie on it.
+fn circle(points: &[[f64; 2]], middle: [f64; 2]) -> Option<(Outline, f64)> {
+    let mut farthest: Vec<Option<(f64, [f64; 2])>> = vec![None; DIRECTIONS];
+    for point in points {
+        let [x, y] = [point[0] - middle[0], point[1] - middle[1]];
+        let turn = y.atan2(x) / std::f64::consts::TAU + 0.5;
+        let slot = &mut farthest[(turn * DIRECTIONS as f64) as usize % DIRECTIONS];
+        let distance = x.hypot(y);
+        if slot.is_none_or(|(other, _)| distance > other) {
+            *slot = Some((distance, *point));
+        }
+    }
+    let rim: Vec<[f64; 2]> = farthest.iter().flatten().map(|(_, point)| *point).collect();
+    if rim.len() < DIRECTIONS / 3 {
+        return None;
+    }
+    let on = |(centre, radius): &([f64; 2], f64)| -> Vec<[f64; 2]> {
+        let near = |point: &&[f64; 2]| {
+            let distance = (point[0] - centre[0]).hypot(point[1] - centre[1]);
+            (distance - radius).abs() < CIRCLE_REACH
+        };
+        rim.iter().filter(near).copied().collect()
+    };
+    // Spread over the rim, the same for the same points.
+    let trial = |index: usize| {
+        let pick =
+            |step: usize| rim[(index * 7 + step * rim.len() / 3 + index / 9 * step) % rim.len()];
+        circle_through(&[pick(0), pick(1), pick(2)])
+    };
+    let best = (0..TRIALS)
+        .filter_map(trial)
+        .max_by_key(|circle| on(circle).len())?;
+    let refined = circle_through(&on(&best)).unwrap_or(best);
+    let supporters = on(&refined).len();
+    let share = supporters as f64 / rim.len().max(DIRECTIONS * 2 / 3) as f64;
+    let (centre, radius) = refined;
+    Some((Outline::Circle { centre, radius }, share))
+}
+
+/// Returns centre and radius of the circle through points in the least squares sense (Kåsa 1976).
+pub(super) fn circle_through(points: &[[f64; 2]]) -> Option<([f64; 2], f64)> {
+    if points.len() < 3 {
+        return None;
+    }
+    let middle = mean(points);
+    let (mut matrix, mut vector) = (Matrix3::zeros(), Vector3::zeros());
+    for point in points {
+        let [x, y] = [point[0] - middle[0], point[1] - middle[1]];
+        let row = Vector3::new(x, y, 1.0);
+        matrix += row * row.transpose();
+        vector += row * (x * x + y * y);
+    }
+    let solution = matrix.lu().solve(&vector)?;
+    let (x, y) = (solution.x / 2.0, solution.y / 2.0);
+    let radius = (solution.z + x * x + y * y).sqrt();
+    radius
+        .is_finite()
+        .then_some(([middle[0] + x, middle[1] + y], radius))
+}
+
+pub(super) fn mean(points: &[[f64; 2]]) -> [f64; 2] {
+    let count = points.len().max(1) as f64;
+    [0, 1].map(|axis| points.iter().map(|point| point[axis]).sum::<f64>() / count)
+}
