@@ -1,5 +1,10 @@
 //! Depth images: distance along the optical axis of a second sensor.
 
+use std::path::Path;
+
+use opencv::core::{CV_16UC1, MatTraitConst, MatTraitConstManual};
+use opencv::imgcodecs;
+
 use crate::{Image, PixelFormat, Result, VisionError};
 
 /// A depth image.
@@ -27,6 +32,25 @@ impl DepthImage {
             expected: format!("{width} x {height} values"),
             actual: format!("{} values", metres.len()),
         })
+    }
+
+    /// Reads an image file of 16 bits per pixel, in mm; 0 is no measurement.
+    ///
+    /// Errors: [`VisionError::File`], [`VisionError::Unsuitable`], [`VisionError::OpenCv`].
+    pub fn read(path: &Path) -> Result<Self> {
+        std::fs::metadata(path).map_err(VisionError::file("read a depth image", path))?;
+        let failed = || VisionError::cv("read a depth image");
+        let mat = imgcodecs::imread(path, imgcodecs::IMREAD_UNCHANGED).map_err(failed())?;
+        if mat.typ() != CV_16UC1 || mat.empty() {
+            return Err(VisionError::Unsuitable {
+                what: format!("depth image {}", path.display()),
+                expected: "a PNG with one channel of 16 bits, mm".to_owned(),
+                actual: format!("{} channels, depth type {}", mat.channels(), mat.depth()),
+            });
+        }
+        let values = mat.data_typed::<u16>().map_err(failed())?;
+        let metres = values.iter().map(|value| f32::from(*value) / 1e3).collect();
+        Self::new(mat.cols() as usize, mat.rows() as usize, metres)
     }
 
     /// Reads a grey image in which value v of 1 to 255 is `from + step * v` m and 0 is no measurement, as frame grabbers

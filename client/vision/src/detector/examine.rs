@@ -16,6 +16,8 @@ use crate::{Detection, Elevation, Polygon, Result, Shape, VisionError};
 /// Largest difference between a measured and a listed size, and between heights, m.
 const SIZE_TOLERANCE: f64 = 0.005;
 pub(super) const HEIGHT_TOLERANCE: f64 = 0.004;
+/// Largest distance of an outline beyond the border of the image, pixels.
+const BORDER_TOLERANCE: f64 = 2.0;
 /// Threads that examine faces.
 const THREADS: usize = 2;
 
@@ -61,7 +63,7 @@ impl Examiner<'_> {
     /// Returns the object whose upper face this is.
     fn examine(&self, image: &Mat, face: &Face) -> Result<Option<FoundObject>> {
         let failed = VisionError::cv("fit an outline");
-        let Some((outline, fill)) = outline::fit(&face.points).map_err(failed)? else {
+        let Some((outline, fill)) = outline::fit(face).map_err(failed)? else {
             return Ok(None);
         };
         if fill < self.parameters.min_fill {
@@ -76,10 +78,24 @@ impl Examiner<'_> {
         };
         let (outline, _) = around.refine(&outline, self.parameters.reach);
         let (outline, support) = around.refine(&outline, self.parameters.reach / 2.0);
-        if support < self.parameters.min_support {
+        if support < self.parameters.min_support || !self.is_within_image(&outline, height) {
             return Ok(None);
         }
         self.named(image, &outline, face.height, fill * support)
+    }
+
+    /// Returns whether an outline lies within the image: of one that does not, nobody knows where it ends.
+    fn is_within_image(&self, outline: &Outline, height: f64) -> bool {
+        let camera = &self.setup.camera;
+        let size = camera.intrinsics.size;
+        let inside = |pixel: &[f64; 2]| {
+            let in_range = |axis: usize| {
+                (-BORDER_TOLERANCE..=size[axis] as f64 - 1.0 + BORDER_TOLERANCE)
+                    .contains(&pixel[axis])
+            };
+            in_range(0) && in_range(1)
+        };
+        refine::pixels(camera, outline, height).iter().all(inside)
     }
 
     fn named(

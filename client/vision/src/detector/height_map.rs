@@ -12,6 +12,10 @@ const REACH: i64 = 2;
 const LOW: f32 = 0.025;
 /// Width of the bins of the histogram of heights, m.
 const BIN: f32 = 0.002;
+/// Pixels beside a point among which the first measured one is compared with it, and the least difference in height, m,
+/// from which that one hides something.
+const BESIDE: usize = 4;
+const NEARER: f32 = 0.025;
 /// Maximum number of cells along one side.
 const MAX_CELLS: usize = 2000;
 
@@ -35,6 +39,8 @@ pub(super) struct Face {
     pub(super) height: f64,
     /// x and y in the arm's base frame, m.
     pub(super) points: Vec<[f64; 2]>,
+    /// True for each point beside which the depth image shows something nearer that hides the rest.
+    pub(super) hidden_beside: Vec<bool>,
 }
 
 /// The directions of a depth sensor's pixels, kept from image to image.
@@ -55,10 +61,10 @@ impl DepthRays {
         Self { camera, directions }
     }
 
-    /// Returns the points of a depth image: x, y and height above `surface`, m.
+    /// Returns the points of a depth image.
     ///
     /// Errors: [`VisionError::Unsuitable`] if the image has another size than the sensor.
-    pub(super) fn points(&self, depth: &DepthImage, surface: f64) -> Result<Vec<Point3<f32>>> {
+    pub(super) fn points(&self, depth: &DepthImage, surface: f64) -> Result<Cloud> {
         let [width, height] = self.camera.intrinsics.size;
         if [depth.width(), depth.height()] != [width, height] {
             return Err(VisionError::Unsuitable {
@@ -69,12 +75,43 @@ impl DepthRays {
         }
         let mut origin: Vector3<f32> = self.camera.pose.translation.vector.cast();
         origin.z -= surface as f32;
-        let measured = |(metres, direction): (&f32, &Vector3<f32>)| {
-            (*metres > 0.0 && metres.is_finite())
-                .then(|| Point3::from(origin + direction * *metres))
+        let point = |(metres, direction): (&f32, &Vector3<f32>)| {
+            if *metres > 0.0 && metres.is_finite() {
+                Point3::from(origin + direction * *metres)
+            } else {
+                Point3::from(Vector3::repeat(f32::NAN))
+            }
         };
         let pixels = depth.metres().iter().zip(&self.directions);
-        Ok(pixels.filter_map(measured).collect())
+        Ok(Cloud {
+            width,
+            points: pixels.map(point).collect(),
+        })
+    }
+}
+
+/// The points of a depth image: x, y and height above the table, m; not a number where nothing was measured.
+pub(super) struct Cloud {
+    width: usize,
+    points: Vec<Point3<f32>>,
+}
+
+impl Cloud {
+    /// Returns whether something nearer hides what is beside a pixel.
+    fn is_hidden_beside(&self, index: usize) -> bool {
+        let (width, here) = (self.width as i64, self.points[index].z);
+        let column = index as i64 % width;
+        [(1, 1), (-1, -1), (0, width), (0, -width)].into_iter().any(
+            |(across, offset): (i64, i64)| {
+                let beside = (1..=BESIDE as i64).find_map(|step| {
+                    let inside = (0..width).contains(&(column + across * step));
+                    let other = usize::try_from(index as i64 + offset * step).ok()?;
+                    let height = self.points.get(other).filter(|_| inside)?.z;
+                    height.is_finite().then_some(height)
+                });
+                beside.is_some_and(|height| height > here + NEARER)
+            },
+        )
     }
 }
 
@@ -89,7 +126,7 @@ pub(super) struct HeightMap {
 
 impl HeightMap {
     /// Puts points on a grid between two corners.
-    pub(super) fn new(points: &[Point3<f32>], low: [f64; 2], high: [f64; 2]) -> Self {
+    pub(super) fn new(cloud: &Cloud, low: [f64; 2], high: [f64; 2]) -> Self {
         let length = |axis: usize| {
             (((high[axis] - low[axis]) / CELL).ceil().max(1.0) as usize).min(MAX_CELLS)
         };
@@ -99,7 +136,7 @@ impl HeightMap {
             rows: length(1),
             cells: vec![f32::NEG_INFINITY; length(0) * length(1)],
         };
-        for point in points {
+        for point in &cloud.points {
             if let Some(cell) = map.cell(point) {
                 map.cells[cell] = map.cells[cell].max(point.z);
             }
@@ -124,7 +161,7 @@ impl HeightMap {
     }
 
     /// Returns the faces between the limits, the highest first.
-    pub(super) fn faces(&self, points: &[Point3<f32>], limits: &FaceLimits) -> Vec<Face> {
+    pub(super) fn faces(&self, cloud: &Cloud, limits: &FaceLimits) -> Vec<Face> {
         let [low, high] = limits.height.map(|height| height as f32);
         let in_range = |cell: usize| (low..=high).contains(&self.cells[cell]);
         let belongs = |cell: usize| {
@@ -157,35 +194,38 @@ impl HeightMap {
             }
             tops.push(mode(&heights));
         }
-        self.collect(points, &labels, &tops, limits)
+        self.collect(cloud, &labels, &tops, limits)
     }
 
     fn collect(
         &self,
-        points: &[Point3<f32>],
+        cloud: &Cloud,
         labels: &[u32],
         tops: &[f32],
         limits: &FaceLimits,
     ) -> Vec<Face> {
-        let mut sums = vec![(0.0_f64, Vec::new()); tops.len()];
-        for point in points {
+        let empty = Face {
+            height: 0.0,
+            points: Vec::new(),
+            hidden_beside: Vec::new(),
+        };
+        let mut faces = vec![empty; tops.len()];
+        for (index, point) in cloud.points.iter().enumerate() {
             let Some(cell) = self.cell(point) else {
                 continue;
             };
             let label = labels[cell] as usize;
             if label != 0 && (point.z - tops[label]).abs() < limits.thickness as f32 {
-                sums[label].0 += f64::from(point.z);
-                sums[label].1.push([f64::from(point.x), f64::from(point.y)]);
+                let face = &mut faces[label];
+                face.height += f64::from(point.z);
+                face.points.push([f64::from(point.x), f64::from(point.y)]);
+                face.hidden_beside.push(cloud.is_hidden_beside(index));
             }
         }
-        let mut faces: Vec<Face> = sums
-            .into_iter()
-            .filter(|(_, points)| points.len() >= limits.min_points)
-            .map(|(sum, points)| Face {
-                height: sum / points.len() as f64,
-                points,
-            })
-            .collect();
+        faces.retain(|face| face.points.len() >= limits.min_points);
+        for face in &mut faces {
+            face.height /= face.points.len() as f64;
+        }
         faces.sort_by(|one, other| other.height.total_cmp(&one.height));
         faces
     }

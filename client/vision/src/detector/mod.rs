@@ -100,6 +100,19 @@ pub struct FoundObject {
     pub size: Option<[f64; 2]>,
 }
 
+impl FoundObject {
+    /// Wraps what an image without depth shows.
+    pub fn without_pose(detection: Detection) -> Self {
+        Self {
+            kind: detection.shape.label().to_owned(),
+            detection,
+            pose: None,
+            height: None,
+            size: None,
+        }
+    }
+}
+
 /// Finds the objects of a table.
 ///
 /// With a depth image, faces of one height are separated first; each is a circle, rectangle or triangle of a listed size,
@@ -247,14 +260,7 @@ impl Detector {
     /// Returns the objects of an image without depth: labels and outlines alone.
     fn detect_by_colour(&mut self, image: &Image) -> Result<Vec<FoundObject>> {
         let found = self.recogniser.detect(image)?;
-        let object = |detection: Detection| FoundObject {
-            kind: detection.shape.label().to_owned(),
-            detection,
-            pose: None,
-            height: None,
-            size: None,
-        };
-        Ok(found.into_iter().map(object).collect())
+        Ok(found.into_iter().map(FoundObject::without_pose).collect())
     }
 
     /// Returns the smallest and largest x and y of the table that the camera sees.

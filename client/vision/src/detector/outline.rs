@@ -4,12 +4,19 @@ use nalgebra::{Matrix3, Vector3};
 use opencv::core::{Point2f, RotatedRect, Vector};
 use opencv::imgproc;
 
+use super::height_map::Face;
 use crate::shape::polygon_area;
 
 /// Directions from the middle of a face in which its farthest point is looked for.
 const DIRECTIONS: usize = 72;
 /// Largest distance of a point from its circle, m.
 const CIRCLE_REACH: f64 = 0.0018;
+/// Largest distance of a point from its side, m.
+const SIDE_REACH: f64 = 0.003;
+/// Smallest share of the rim of a round face that lies on its circle.
+const MIN_CIRCLE: f64 = 0.7;
+/// Points of a whole face that may have something nearer beside them.
+const MAX_HIDDEN: usize = 4;
 /// Circles through three points that are tried.
 const TRIALS: usize = 120;
 /// OpenCV's outlines have single precision: they are computed in mm about the middle of the face.
@@ -36,14 +43,16 @@ impl Outline {
     }
 }
 
-/// Returns the outline that fits the points of a face best, with the share of it that the points agree with, 0 to 1.
-pub(super) fn fit(points: &[[f64; 2]]) -> opencv::Result<Option<(Outline, f64)>> {
+/// Returns the outline that fits a face best, with the share of it that the points agree with, 0 to 1.
+pub(super) fn fit(face: &Face) -> opencv::Result<Option<(Outline, f64)>> {
+    let points = &face.points;
     if points.len() < 3 {
         return Ok(None);
     }
     let middle = mean(points);
-    if let Some((outline, share)) = circle(points, middle)
-        && share >= 0.7
+    let rim = rim(face, middle);
+    if let Some((outline, share)) = circle(&rim)
+        && share >= MIN_CIRCLE
     {
         return Ok(Some((outline, share)));
     }
@@ -75,7 +84,13 @@ pub(super) fn fit(points: &[[f64; 2]]) -> opencv::Result<Option<(Outline, f64)>>
         3 | 4 => area / polygon_area(outline).max(1e-12),
         _ => 0.0,
     };
-    let (of_rectangle, of_triangle) = (fill(&rectangle), fill(&triangle));
+    // Where something hides a part of the face, its area says nothing: the rim that is in sight does.
+    let is_whole = face.hidden_beside.iter().filter(|hidden| **hidden).count() <= MAX_HIDDEN;
+    let share = |outline: &[[f64; 2]]| match is_whole {
+        true => fill(outline),
+        false => on_sides(outline, &rim),
+    };
+    let (of_rectangle, of_triangle) = (share(&rectangle), share(&triangle));
     Ok(Some(if of_rectangle >= of_triangle {
         (Outline::Polygon(rectangle), of_rectangle)
     } else {
@@ -83,19 +98,39 @@ pub(super) fn fit(points: &[[f64; 2]]) -> opencv::Result<Option<(Outline, f64)>>
     }))
 }
 
-/// Returns the circle through the farthest points of a face, and the share of them that lie on it.
-fn circle(points: &[[f64; 2]], middle: [f64; 2]) -> Option<(Outline, f64)> {
-    let mut farthest: Vec<Option<(f64, [f64; 2])>> = vec![None; DIRECTIONS];
-    for point in points {
+/// Returns the farthest point of a face in each direction, where nothing hides what may be beyond it.
+fn rim(face: &Face, middle: [f64; 2]) -> Vec<[f64; 2]> {
+    let mut farthest: Vec<Option<(f64, [f64; 2], bool)>> = vec![None; DIRECTIONS];
+    for (point, hidden) in face.points.iter().zip(&face.hidden_beside) {
         let [x, y] = [point[0] - middle[0], point[1] - middle[1]];
         let turn = y.atan2(x) / std::f64::consts::TAU + 0.5;
         let slot = &mut farthest[(turn * DIRECTIONS as f64) as usize % DIRECTIONS];
         let distance = x.hypot(y);
-        if slot.is_none_or(|(other, _)| distance > other) {
-            *slot = Some((distance, *point));
+        if slot.is_none_or(|(other, ..)| distance > other) {
+            *slot = Some((distance, *point, *hidden));
         }
     }
-    let rim: Vec<[f64; 2]> = farthest.iter().flatten().map(|(_, point)| *point).collect();
+    let seen = farthest.iter().flatten().filter(|(.., hidden)| !hidden);
+    seen.map(|(_, point, _)| *point).collect()
+}
+
+/// Returns the share of the rim that lies on the sides of a polygon; 0 if little of the rim is in sight.
+fn on_sides(corners: &[[f64; 2]], rim: &[[f64; 2]]) -> f64 {
+    if rim.len() < DIRECTIONS / 3 || corners.len() < 3 {
+        return 0.0;
+    }
+    let distance = |point: &[f64; 2], index: usize| {
+        let (a, b) = (corners[index], corners[(index + 1) % corners.len()]);
+        let [dx, dy] = [b[0] - a[0], b[1] - a[1]];
+        ((point[0] - a[0]) * dy - (point[1] - a[1]) * dx).abs() / dx.hypot(dy).max(1e-9)
+    };
+    let near =
+        |point: &&[f64; 2]| (0..corners.len()).any(|index| distance(point, index) < SIDE_REACH);
+    rim.iter().filter(near).count() as f64 / rim.len() as f64
+}
+
+/// Returns the circle through the rim of a face, and the share of the rim that lies on it.
+fn circle(rim: &[[f64; 2]]) -> Option<(Outline, f64)> {
     if rim.len() < DIRECTIONS / 3 {
         return None;
     }
@@ -117,7 +152,7 @@ fn circle(points: &[[f64; 2]], middle: [f64; 2]) -> Option<(Outline, f64)> {
         .max_by_key(|circle| on(circle).len())?;
     let refined = circle_through(&on(&best)).unwrap_or(best);
     let supporters = on(&refined).len();
-    let share = supporters as f64 / rim.len().max(DIRECTIONS * 2 / 3) as f64;
+    let share = supporters as f64 / rim.len() as f64;
     let (centre, radius) = refined;
     Some((Outline::Circle { centre, radius }, share))
 }

@@ -9,16 +9,17 @@
 mod score;
 mod select;
 
-pub use score::{Evaluation, ObjectClass, Row, Targets};
-pub use select::{ParameterCurve, Selection, select};
+pub use score::{Evaluation, MATCH_DISTANCE, MIN_VISIBLE, ObjectClass, Row, Targets};
+pub use select::{ParameterCurve, Selection, select, write_roc};
 
 use yarp_table::{
     BrickKind, Camera, Class, Dataset, DatasetOptions, DepthNoise, Face, GroundTruth, NoRoom,
-    Placement, Renderer, Scene, brick_face,
+    Placement, Renderer, Scene, brick_face, objects_xml,
 };
 
-use crate::detector::{DetectorSetup, KindFace, ObjectDatabase, ObjectKind};
-use crate::{CameraModel, DepthImage, Image, Intrinsics};
+use crate::{
+    CameraModel, DepthImage, DetectorSetup, Image, Intrinsics, ObjectDatabase, VisionError,
+};
 
 /// First and last seed of training scenes: parameters are selected on them, and no result on them counts.
 pub const TRAINING_SEEDS: [u64; 2] = [9000, 9099];
@@ -145,40 +146,22 @@ pub fn table_setup() -> DetectorSetup {
 
 /// Returns the object database of the simulated table, which `yarp table render --models` writes as `objects.xml`.
 pub fn table_database() -> ObjectDatabase {
-    let kind = |name: &str, face: KindFace, height: [f64; 2]| ObjectKind {
-        name: name.to_owned(),
-        face,
-        height,
+    let print = |name: &str| {
+        let mut words = name.trim_end_matches(".png").split('-');
+        let (kind, face) = (words.next(), words.next());
+        let kind = kind.and_then(BrickKind::from_name);
+        let face = Face::ALL
+            .into_iter()
+            .find(|other| Some(other.word()) == face);
+        let (Some(kind), Some(face)) = (kind, face) else {
+            return Err(VisionError::Unsuitable {
+                what: "print of a carton".to_owned(),
+                expected: "KIND-FACE.png".to_owned(),
+                actual: name.to_owned(),
+            });
+        };
+        Ok(brick_face(kind, face))
     };
-    let mut kinds: Vec<ObjectKind> = BrickKind::all()
-        .map(|brick| {
-            let [width, length, height] = brick.size();
-            let prints = [Face::Front, Face::Back].map(|face| brick_face(brick, face));
-            let face = KindFace::Printed {
-                sides: [width, length],
-                prints: prints.to_vec(),
-            };
-            kind(brick.name(), face, [height; 2])
-        })
-        .collect();
-    let circle = |radius| KindFace::Circle { radius };
-    kinds.extend([
-        kind("glass", circle([0.030, 0.0425]), [0.080, 0.150]),
-        kind("plate", circle([0.090, 0.100]), [0.015, 0.025]),
-        kind(
-            "box",
-            KindFace::Rectangle {
-                sides: [0.040, 0.160],
-            },
-            [0.030, 0.120],
-        ),
-        kind(
-            "prism",
-            KindFace::Triangle {
-                sides: [0.060, 0.120],
-            },
-            [0.040, 0.100],
-        ),
-    ]);
-    ObjectDatabase { kinds }
+    ObjectDatabase::parse(&objects_xml(), "of the simulated table", print)
+        .expect("the table writes a valid database of its own kinds")
 }

@@ -1,10 +1,13 @@
 //! Automatic selection of parameters: a ROC curve over each on training scenes (section 6.5.2 of the thesis).
 
+use std::path::Path;
+
+use plotters::prelude::*;
 use serde::Serialize;
 
 use super::{Evaluation, SimulatedScene};
 use crate::evaluation::{Counts, Roc};
-use crate::{Detector, DetectorParameters, Result};
+use crate::{Detector, DetectorParameters, Result, VisionError};
 
 /// Largest share of false detections of a selected value.
 const MAX_FALSE_SHARE: f64 = 0.01;
@@ -108,4 +111,60 @@ fn middle_of_best(roc: &Roc) -> f64 {
         .map(|point| point.value)
         .collect();
     equal[equal.len() / 2]
+}
+
+/// Writes a ROC curve as SVG: correct / present against false / detections, each point with its value.
+///
+/// Errors: [`VisionError::File`].
+pub fn write_roc(path: &Path, curve: &ParameterCurve) -> Result<()> {
+    draw(path, curve).map_err(|error| {
+        VisionError::file("draw a ROC curve", path)(std::io::Error::other(error.to_string()))
+    })
+}
+
+fn draw(path: &Path, curve: &ParameterCurve) -> Result<(), Box<dyn std::error::Error>> {
+    let points: Vec<(f64, f64, f64)> = curve
+        .roc
+        .points
+        .iter()
+        .map(|point| {
+            (
+                point.counts.false_share(),
+                point.counts.recall(),
+                point.value,
+            )
+        })
+        .collect();
+    let right = points.iter().map(|point| point.0).fold(0.05, f64::max) * 1.1;
+    let bottom = points.iter().map(|point| point.1).fold(0.9, f64::min) - 0.02;
+    let root = SVGBackend::new(path, (640, 480)).into_drawing_area();
+    root.fill(&WHITE)?;
+    let mut chart = ChartBuilder::on(&root)
+        .caption(curve.parameter, ("sans-serif", 20))
+        .margin(10)
+        .x_label_area_size(40)
+        .y_label_area_size(50)
+        .build_cartesian_2d(0.0..right, bottom.max(0.0)..1.0)?;
+    chart
+        .configure_mesh()
+        .x_desc("false detections / detections")
+        .y_desc("correct detections / present objects")
+        .draw()?;
+    let line: Vec<(f64, f64)> = points.iter().map(|point| (point.0, point.1)).collect();
+    chart.draw_series([PathElement::new(line, BLUE)])?;
+    chart.draw_series(points.iter().map(|(x, y, value)| {
+        let style = if *value == curve.selected {
+            RED.filled()
+        } else {
+            BLUE.filled()
+        };
+        Circle::new((*x, *y), 4, style)
+    }))?;
+    chart.draw_series(
+        points
+            .iter()
+            .map(|(x, y, value)| Text::new(format!("{value}"), (*x, *y), ("sans-serif", 12))),
+    )?;
+    root.present()?;
+    Ok(())
 }
