@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use yarp_client::ports::blocking::wait;
 use yarp_client::{Camera, Network};
 use yarp_devices::FrameGrabberImage;
-use yarp_devices::camera::{CameraOptions, Pattern, Scene, SimulatedCamera};
+use yarp_devices::camera::{CameraOptions, Scene, SimulatedCamera};
 use yarp_nameserver::{Server, ServerOptions};
 use yarp_vision::image_source::{ImageSource, RemoteImages};
 use yarp_vision::{Image, VisionError};
@@ -15,30 +15,36 @@ use yarp_wrappers::{FrameGrabberOptions, FrameGrabberServer, RemoteFrameGrabberO
 /// Longer than any step takes on a busy machine.
 const TIMEOUT: Duration = Duration::from_secs(60);
 
-/// A camera with a grid, served on a network of its own.
+/// A camera that shows a still, served on a network of its own.
 struct Lab {
     names: Server,
     network: Network,
     camera: Arc<SimulatedCamera>,
     server: FrameGrabberServer,
+    _folder: tempfile::TempDir,
 }
 
 impl Lab {
     fn start(rate: f64) -> Self {
         let names = wait(Server::start(ServerOptions::default().at("127.0.0.1", 0))).unwrap();
         let network = names.network();
-        let options = CameraOptions::new()
-            .scene(Scene::Pattern(Pattern::Grid))
-            .rate(rate);
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("still.ppm");
+        std::fs::write(&path, still()).unwrap();
+        let options = CameraOptions::new().scene(Scene::File(path)).rate(rate);
         let camera = Arc::new(SimulatedCamera::start(options).unwrap());
         let period = FrameGrabberOptions::new().period(Duration::from_millis(2));
-        let serving = FrameGrabberServer::open(&network, Arc::clone(&camera), "/grabber", period);
+        let device: Arc<SimulatedCamera> = Arc::clone(&camera);
+        let on = network.clone();
+        let serving =
+            async move { FrameGrabberServer::open(&on, device, "/grabber", period).await };
         let server = wait(serving).unwrap();
         Self {
             names,
             network,
             camera,
             server,
+            _folder: folder,
         }
     }
 
@@ -54,6 +60,17 @@ impl Lab {
         wait(self.server.close());
         wait(self.names.close());
     }
+}
+
+/// An image of 64 x 48 pixels in which red grows to the right and green downwards, as PPM.
+fn still() -> Vec<u8> {
+    let mut bytes = b"P6 64 48 255\n".to_vec();
+    for row in 0..48_u8 {
+        for column in 0..64_u8 {
+            bytes.extend([column * 4, row * 5, 90]);
+        }
+    }
+    bytes
 }
 
 /// Mean difference of the values of two images of one size.
@@ -72,7 +89,6 @@ fn difference(one: &Image, other: &Image) -> f64 {
 #[test]
 fn raw_images_arrive_unchanged_and_compressed_ones_nearly() {
     let lab = Lab::start(50.0);
-    // The grid does not move: each image is the same.
     let shown = lab.camera.image().unwrap().image;
     let mut raw = lab.images("fast_tcp", TIMEOUT);
     let first = raw.latest().unwrap();

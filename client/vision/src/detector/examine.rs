@@ -98,6 +98,7 @@ impl Examiner<'_> {
         refine::pixels(camera, outline, height).iter().all(inside)
     }
 
+    /// Returns the object with this outline, if the database has its kind.
     fn named(
         &self,
         image: &Mat,
@@ -105,101 +106,129 @@ impl Examiner<'_> {
         height: f64,
         score: f64,
     ) -> Result<Option<FoundObject>> {
+        let camera = &self.setup.camera;
         let top = self.setup.surface + height;
-        let contour = refine::pixels(&self.setup.camera, outline, top);
+        let contour = refine::pixels(camera, outline, top);
         let [x, y] = outline.centre();
-        let Some(centre) = self.setup.camera.project(&Point3::new(x, y, top)) else {
+        let Some(centre) = camera.project(&Point3::new(x, y, top)) else {
             return Ok(None);
         };
-        let fits = |value: f64, [low, high]: [f64; 2]| {
-            (low - SIZE_TOLERANCE..=high + SIZE_TOLERANCE).contains(&value)
+        let named = match outline {
+            Outline::Circle { radius, .. } => self.circle(*radius, height),
+            Outline::Polygon(corners) if corners.len() == 3 => {
+                self.triangle(&sides(corners), &contour, height)
+            }
+            Outline::Polygon(corners) => {
+                self.rectangle(image, &sides(corners), &contour, height)?
+            }
         };
+        let Some(named) = named else {
+            return Ok(None);
+        };
+        let detection = Detection {
+            shape: named.shape,
+            centre,
+            contour,
+            score: named.score.unwrap_or(score),
+        };
+        let pose = camera.pose_of(&detection, Elevation::Height(top));
+        Ok(Some(FoundObject {
+            kind: named.kind,
+            detection,
+            pose,
+            height: Some(height),
+            size: Some(named.size),
+        }))
+    }
+
+    fn circle(&self, radius: f64, height: f64) -> Option<Named> {
+        let kind = self.kind_of(
+            height,
+            |face| matches!(face, KindFace::Circle { radius: range } if fits(radius, *range)),
+        )?;
+        Some(Named {
+            kind,
+            shape: Shape::Cylinder {
+                radius: self.pixels(radius, height),
+            },
+            size: [2.0 * radius; 2],
+            score: None,
+        })
+    }
+
+    fn triangle(&self, sides: &[f64], contour: &[[f64; 2]], height: f64) -> Option<Named> {
+        let longest = sides.iter().copied().fold(0.0, f64::max);
+        let shortest = sides.iter().copied().fold(f64::INFINITY, f64::min);
+        let side = sides.iter().sum::<f64>() / 3.0;
+        let is_even = longest - shortest < 2.0 * SIZE_TOLERANCE;
+        let kind = self.kind_of(height, |face| {
+            matches!(face, KindFace::Triangle { sides: range } if is_even && fits(side, *range))
+        })?;
+        let shape = Shape::Polygon(Polygon::Triangle {
+            side: self.pixels(side, height),
+            angle: direction(contour),
+        });
+        Some(Named {
+            kind,
+            shape,
+            size: [side; 2],
+            score: None,
+        })
+    }
+
+    fn rectangle(
+        &self,
+        image: &Mat,
+        sides: &[f64],
+        contour: &[[f64; 2]],
+        height: f64,
+    ) -> Result<Option<Named>> {
+        let [one, other] = [0, 1].map(|index| (sides[index] + sides[index + 2]) / 2.0);
+        let size = [one.max(other), one.min(other)];
+        if let Some((kind, inliers)) = self.printed(image, contour, [one, other], height)? {
+            let shape = Shape::Textured {
+                model: kind.clone(),
+            };
+            return Ok(Some(Named {
+                kind,
+                shape,
+                size,
+                score: Some(inliers as f64),
+            }));
+        }
+        let kind = self.kind_of(height, |face| {
+            matches!(face, KindFace::Rectangle { sides: range }
+                if fits(one, *range) && fits(other, *range))
+        });
+        let shape = Shape::Polygon(Polygon::Rectangle {
+            sides: size.map(|side| self.pixels(side, height)),
+            angle: direction(contour),
+        });
+        Ok(kind.map(|kind| Named {
+            kind,
+            shape,
+            size,
+            score: None,
+        }))
+    }
+
+    /// Returns the first kind of this height whose upper face fits.
+    fn kind_of(&self, height: f64, fits: impl Fn(&KindFace) -> bool) -> Option<String> {
         let at_height = |kind: &&ObjectKind| {
             let [low, high] = kind.height;
             (low - HEIGHT_TOLERANCE..=high + HEIGHT_TOLERANCE).contains(&height)
         };
-        let sides = sides(outline);
-        let kind_of = |fits: &dyn Fn(&KindFace) -> bool| {
-            let mut kinds = self.database.kinds.iter().filter(at_height);
-            kinds
-                .find(|kind| fits(&kind.face))
-                .map(|kind| kind.name.clone())
-        };
-        let pixels = |metres: f64| {
-            let focal = self.setup.camera.intrinsics.focal;
-            metres * (focal[0] + focal[1])
-                / 2.0
-                / (self.setup.camera.pose.translation.vector.z - top).max(1e-3)
-        };
-        let angle = longest(&contour).map_or(0.0, |[dx, dy]| (dy / dx).atan());
-        let mut score = score;
-        let (kind, shape, size) = match outline {
-            Outline::Circle { radius, .. } => {
-                let kind = kind_of(
-                    &|face| matches!(face, KindFace::Circle { radius: range } if fits(*radius, *range)),
-                );
-                let radius_pixels = pixels(*radius);
-                let shape = Shape::Cylinder {
-                    radius: radius_pixels,
-                };
-                (kind, shape, [2.0 * radius; 2])
-            }
-            Outline::Polygon(_) if sides.len() == 3 => {
-                let (longest, shortest) = (extreme(&sides, f64::max), extreme(&sides, f64::min));
-                let side = sides.iter().sum::<f64>() / 3.0;
-                let kind = kind_of(&|face| {
-                    matches!(face, KindFace::Triangle { sides: range }
-                        if fits(side, *range) && longest - shortest < 2.0 * SIZE_TOLERANCE)
-                });
-                let side_pixels = pixels(side);
-                let shape = Shape::Polygon(Polygon::Triangle {
-                    side: side_pixels,
-                    angle,
-                });
-                (kind, shape, [side; 2])
-            }
-            Outline::Polygon(_) => {
-                let [one, other] = [0, 1].map(|index| (sides[index] + sides[index + 2]) / 2.0);
-                let size = [one.max(other), one.min(other)];
-                if let Some((name, inliers)) =
-                    self.printed(image, &contour, [one, other], height)?
-                {
-                    score = inliers as f64;
-                    let shape = Shape::Textured {
-                        model: name.clone(),
-                    };
-                    (Some(name), shape, size)
-                } else {
-                    let kind = kind_of(&|face| {
-                        matches!(face, KindFace::Rectangle { sides: range }
-                            if fits(one, *range) && fits(other, *range))
-                    });
-                    let shape = Shape::Polygon(Polygon::Rectangle {
-                        sides: size.map(pixels),
-                        angle,
-                    });
-                    (kind, shape, size)
-                }
-            }
-        };
-        let Some(kind) = kind else {
-            return Ok(None);
-        };
-        let detection = Detection {
-            shape,
-            centre,
-            contour,
-            score,
-        };
-        let elevation = Elevation::Height(top);
-        let pose = self.setup.camera.pose_of(&detection, elevation);
-        Ok(Some(FoundObject {
-            kind,
-            detection,
-            pose,
-            height: Some(height),
-            size: Some(size),
-        }))
+        let mut kinds = self.database.kinds.iter().filter(at_height);
+        let kind = kinds.find(|kind| fits(&kind.face))?;
+        Some(kind.name.clone())
+    }
+
+    /// Returns the length in the image of something at this height above the table.
+    fn pixels(&self, metres: f64, height: f64) -> f64 {
+        let camera = &self.setup.camera;
+        let focal = (camera.intrinsics.focal[0] + camera.intrinsics.focal[1]) / 2.0;
+        let distance = camera.pose.translation.vector.z - self.setup.surface - height;
+        metres * focal / distance.max(1e-3)
     }
 
     /// Returns the printed kind that a rectangular face shows, with the number of agreeing features.
@@ -242,10 +271,21 @@ impl Examiner<'_> {
     }
 }
 
-fn sides(outline: &Outline) -> Vec<f64> {
-    let Outline::Polygon(corners) = outline else {
-        return Vec::new();
-    };
+/// Kind, shape and size of an outline.
+struct Named {
+    kind: String,
+    shape: Shape,
+    /// Longer and shorter side or twice the diameter, m.
+    size: [f64; 2],
+    /// Score that replaces that of the outline.
+    score: Option<f64>,
+}
+
+fn fits(value: f64, [low, high]: [f64; 2]) -> bool {
+    (low - SIZE_TOLERANCE..=high + SIZE_TOLERANCE).contains(&value)
+}
+
+fn sides(corners: &[[f64; 2]]) -> Vec<f64> {
     let ends = |index: usize| (corners[index], corners[(index + 1) % corners.len()]);
     (0..corners.len())
         .map(ends)
@@ -253,17 +293,17 @@ fn sides(outline: &Outline) -> Vec<f64> {
         .collect()
 }
 
-fn extreme(values: &[f64], choose: fn(f64, f64) -> f64) -> f64 {
-    values.iter().copied().reduce(choose).unwrap_or(0.0)
-}
-
-/// Returns the longest side of a contour as a vector.
-fn longest(contour: &[[f64; 2]]) -> Option<[f64; 2]> {
+/// Returns the direction of the longest side of a contour, rad, in -π/2..=π/2.
+fn direction(contour: &[[f64; 2]]) -> f64 {
     let side = |index: usize| {
         let (a, b) = (contour[index], contour[(index + 1) % contour.len()]);
         [b[0] - a[0], b[1] - a[1]]
     };
-    (0..contour.len())
+    let longest = (0..contour.len())
         .map(side)
-        .max_by(|one, other| one[0].hypot(one[1]).total_cmp(&other[0].hypot(other[1])))
+        .max_by(|one, other| one[0].hypot(one[1]).total_cmp(&other[0].hypot(other[1])));
+    match longest {
+        Some([dx, dy]) if dx != 0.0 => (dy / dx).atan(),
+        _ => std::f64::consts::FRAC_PI_2,
+    }
 }

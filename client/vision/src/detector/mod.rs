@@ -80,7 +80,7 @@ impl Default for DetectorParameters {
             reach: 4.0,
             min_support: 0.3,
             ratio: 0.8,
-            min_inliers: 8,
+            min_inliers: 6,
         }
     }
 }

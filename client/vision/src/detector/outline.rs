@@ -13,6 +13,8 @@ const DIRECTIONS: usize = 72;
 const CIRCLE_REACH: f64 = 0.0018;
 /// Largest distance of a point from its side, m.
 const SIDE_REACH: f64 = 0.003;
+/// Fewest points of the rim on each side of a face of which something hides a part.
+const MIN_SIDE_RIM: usize = 5;
 /// Smallest share of the rim of a round face that lies on its circle.
 const MIN_CIRCLE: f64 = 0.7;
 /// Points of a whole face that may have something nearer beside them.
@@ -114,19 +116,22 @@ fn rim(face: &Face, middle: [f64; 2]) -> Vec<[f64; 2]> {
     seen.map(|(_, point, _)| *point).collect()
 }
 
-/// Returns the share of the rim that lies on the sides of a polygon; 0 if little of the rim is in sight.
+/// Returns the share of the rim that lies on the sides of a polygon; 0 if a side has little of the rim: then it is where
+/// something begins to hide the face, and nobody knows where the face ends.
 fn on_sides(corners: &[[f64; 2]], rim: &[[f64; 2]]) -> f64 {
-    if rim.len() < DIRECTIONS / 3 || corners.len() < 3 {
-        return 0.0;
-    }
-    let distance = |point: &[f64; 2], index: usize| {
+    let near = |point: &[f64; 2], index: usize| {
         let (a, b) = (corners[index], corners[(index + 1) % corners.len()]);
         let [dx, dy] = [b[0] - a[0], b[1] - a[1]];
-        ((point[0] - a[0]) * dy - (point[1] - a[1]) * dx).abs() / dx.hypot(dy).max(1e-9)
+        let across = (point[0] - a[0]) * dy - (point[1] - a[1]) * dx;
+        across.abs() / dx.hypot(dy).max(1e-9) < SIDE_REACH
     };
-    let near =
-        |point: &&[f64; 2]| (0..corners.len()).any(|index| distance(point, index) < SIDE_REACH);
-    rim.iter().filter(near).count() as f64 / rim.len() as f64
+    let sides = 0..corners.len();
+    let of_side = |index: usize| rim.iter().filter(|point| near(point, index)).count();
+    if corners.len() < 3 || sides.clone().any(|index| of_side(index) < MIN_SIDE_RIM) {
+        return 0.0;
+    }
+    let on_any = |point: &&[f64; 2]| sides.clone().any(|index| near(point, index));
+    rim.iter().filter(on_any).count() as f64 / rim.len() as f64
 }
 
 /// Returns the circle through the rim of a face, and the share of the rim that lies on it.
