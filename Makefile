@@ -13,6 +13,8 @@
 #   make bench      ours beside stock YARP, with ratios
 #   make check      formatting, lints, vocabulary and structure of the sources
 #   make deny       licences and sources of the dependencies
+#   make features   builds each library alone, with each of its features
+#   make package    makes the packages of all published crates
 
 # Where stock YARP is kept: outside the checkout, so that it is built once.
 STOCK ?= $(HOME)/.cache/stock-yarp-3.5.0
@@ -27,7 +29,7 @@ COMMA = ,
 # Where stock's graphical tools are kept.
 WINDOWS ?= $(HOME)/.cache/stock-yarp-windows
 
-.PHONY: run build test test-etcd test-live test-gui test-can soak idle hour bench check deny setup setup-vision stock abuse
+.PHONY: run build features package test test-etcd test-live test-gui test-can soak idle hour bench check deny setup setup-vision stock abuse
 
 run: build
 	target/release/yarp up
@@ -49,6 +51,14 @@ check: setup-vision
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets $(WORKSPACE_FEATURES) -- -D warnings
 	conformance/style.py check
+
+# Each crate alone, with each of its features.
+features: setup
+	conformance/features.sh
+
+# The packages of all published crates.
+package: setup
+	cargo package --workspace --exclude yarp-conformance --exclude yarp-testing --no-verify
 
 deny: setup
 	command -v cargo-deny >/dev/null || cargo install --locked cargo-deny

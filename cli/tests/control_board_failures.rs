@@ -14,14 +14,13 @@ use bytes::BytesMut;
 use common::{Home, Running};
 use yarp_devices::{Axes, ControlMode, Encoders, Mode, PositionControl};
 use yarp_ports::{Network, error_chain};
+use yarp_testing::eventually;
 use yarp_wire::carrier::{Carrier, Sender};
 use yarp_wire::connection::Initiator;
 use yarp_wire::message::Command;
 use yarp_wire::{Bottle, Limits, WireVersion};
 use yarp_wrappers::{RemoteControlBoard, RemoteControlBoardOptions};
 
-/// Longer than any step takes on a busy machine.
-const TIMEOUT: Duration = Duration::from_secs(60);
 /// Maximum error of an arm that holds its position, in degrees.
 const MAX_POSITION_ERROR: f64 = 0.01;
 /// Time for which the name server is away.
@@ -58,15 +57,6 @@ fn stage() -> (Home, Running, Running, RemoteControlBoard) {
 fn is_at(arm: &RemoteControlBoard, degrees: f64) -> bool {
     arm.encoder_readings(joint())
         .is_ok_and(|readings| (readings[0].position - degrees).abs() < MAX_POSITION_ERROR)
-}
-
-#[track_caller]
-fn eventually(what: &str, condition: impl Fn() -> bool) {
-    let end = Instant::now() + TIMEOUT;
-    while !condition() {
-        assert!(Instant::now() < end, "{what} did not come");
-        thread::sleep(Duration::from_millis(5));
-    }
 }
 
 #[track_caller]

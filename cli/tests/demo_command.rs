@@ -1,4 +1,4 @@
-//! The experiments of the thesis run without a network and print their tables.
+//! The experiments of the thesis run without a network and print what they measured.
 
 #![cfg(unix)]
 
@@ -6,24 +6,76 @@ mod common;
 
 use common::Home;
 
-#[test]
-fn repeatability_prints_the_thesis_beside_ours() {
-    let home = Home::new();
-    let told = home.run("demo repeatability --repeat 2").with(0);
-    assert!(told.says("thesis: mean"), "{told:?}");
-    for point in 1..=4 {
-        assert!(told.says(&format!("Point {point}")), "{told:?}");
-    }
-    // Average error and spread of the thesis.
-    assert!(told.says("7.08  0.2711"), "{told:?}");
+/// Returns the numbers of a text, in their order.
+fn numbers(text: &str) -> Vec<f64> {
+    let is_separator = |each: char| !(each.is_ascii_digit() || "+-.".contains(each));
+    text.split(is_separator)
+        .filter_map(|word| word.parse().ok())
+        .collect()
 }
 
 #[test]
-fn sync_prints_joint_delays_and_straightness() {
+fn the_arm_comes_to_rest_near_each_pose() {
+    let home = Home::new();
+    let told = home.run("demo repeatability --repeat 2").with(0);
+    let mut means: Vec<Vec<f64>> = Vec::new();
+    for line in told.out.iter().filter(|line| line.starts_with("Point")) {
+        let [target, _, here] = line.split('|').collect::<Vec<_>>()[..] else {
+            panic!("three columns, not {line:?}");
+        };
+        // The number of the pose comes before its target.
+        let target = &numbers(target)[1..];
+        let [x, y, z, error, spread] = numbers(here)[..] else {
+            panic!("a position, an error and a spread, not {here:?}");
+        };
+        let mean = vec![x, y, z];
+        let squares = target.iter().zip(&mean).map(|(a, b)| (a - b).powi(2));
+        let off = squares.sum::<f64>().sqrt();
+        assert!(off < 15.0, "{off} mm from the target: {line}");
+        // The mean distance to the target is at least the distance of the mean; both have two decimals.
+        assert!(error > 0.0 && error >= off - 0.03, "{line}");
+        assert!((0.0..5.0).contains(&spread), "{line}");
+        means.push(mean);
+    }
+    assert_eq!(means.len(), 4, "{told:?}");
+}
+
+#[test]
+fn joints_move_together_and_the_tool_in_a_straight_line() {
     let home = Home::new();
     let told = home.run("demo sync").with(0);
-    assert!(told.says("All joints together"), "{told:?}");
-    assert!(told.says("damped least squares"), "{told:?}");
+    let mut last = vec![0.0; 7];
+    for tenth in 1..=10 {
+        let label = format!("{:>4} %", tenth * 10);
+        let line = told.out.iter().find(|line| line.starts_with(&label));
+        let shares = numbers(&line.expect("a line per tenth of the time")[label.len()..]);
+        assert_eq!(shares.len(), 7, "{told:?}");
+        assert!(
+            shares.iter().zip(&last).all(|(now, before)| now > before),
+            "{shares:?} after {last:?}"
+        );
+        let (min, max) = (
+            shares.iter().copied().fold(f64::INFINITY, f64::min),
+            shares.iter().copied().fold(0.0, f64::max),
+        );
+        assert!(
+            max - min < 10.0,
+            "the joints do not move together: {line:?}"
+        );
+        last = shares;
+    }
+    assert!(
+        last.iter().all(|share| (95.0..105.0).contains(share)),
+        "{last:?}"
+    );
+    for method in ["damped least squares", "transposed Jacobian"] {
+        let line = told.out.iter().find(|line| line.starts_with(method));
+        let [samples, mean, most, ..] = numbers(line.expect("a line per method"))[..] else {
+            panic!("expected numbers: {line:?}");
+        };
+        assert!(samples > 20.0 && mean > 0.0 && mean <= most, "{line:?}");
+        assert!(most < 20.0, "the path is not straight: {line:?}");
+    }
 }
 
 #[test]
@@ -60,6 +112,8 @@ fn statefeed_prints_the_tables_and_writes_the_plots() {
 #[test]
 fn unknown_demos_are_refused() {
     let home = Home::new();
-    home.run("demo dance").with(1);
-    home.run("demo repeatability --repeat 0").with(1);
+    home.run("demo dance").with(1).complains("dance");
+    home.run("demo repeatability --repeat 0")
+        .with(1)
+        .complains("--repeat");
 }

@@ -6,12 +6,9 @@ mod common;
 
 use std::path::Path;
 use std::process::Command;
-use std::time::{Duration, Instant};
 
 use common::{Ended, Home, Running};
-
-/// Longer than any step takes on a busy machine.
-const TIMEOUT: Duration = Duration::from_secs(60);
+use yarp_testing::until;
 
 /// Runs `yarp run --on /host` with these arguments.
 fn ask(home: &Home, words: &[&str]) -> Ended {
@@ -30,17 +27,6 @@ fn number_in(file: &Path) -> u32 {
     until("a number in the file", || {
         std::fs::read_to_string(file).ok()?.trim().parse().ok()
     })
-}
-
-fn until<T>(what: &str, mut found: impl FnMut() -> Option<T>) -> T {
-    let start = Instant::now();
-    loop {
-        if let Some(found) = found() {
-            return found;
-        }
-        assert!(start.elapsed() < TIMEOUT, "no {what}");
-        std::thread::sleep(Duration::from_millis(10));
-    }
 }
 
 /// Waits until a process is gone, or is a zombie.

@@ -7,7 +7,7 @@ use yarp_devices::FrameGrabberImage;
 use yarp_ports::Network;
 use yarp_wrappers::{RemoteFrameGrabber, RemoteFrameGrabberOptions};
 
-use crate::robot::wait_until;
+use crate::robot::wait_first_value;
 use crate::{Error, Result, local_name};
 
 /// Maximum wait for the first image of a camera.
@@ -41,11 +41,11 @@ impl Camera {
     /// Connects with explicit options.
     pub fn open(network: &Network, options: RemoteFrameGrabberOptions) -> Result<Self> {
         let grabber = RemoteFrameGrabber::open(network, options)?;
-        let expired = || Error::NoImage {
+        let expired = |_| Error::NoImage {
             remote: grabber.remote().to_owned(),
             seconds: FIRST_IMAGE_TIMEOUT.as_secs_f64(),
         };
-        wait_until(FIRST_IMAGE_TIMEOUT, || grabber.image(), expired)?;
+        wait_first_value(FIRST_IMAGE_TIMEOUT, || grabber.image(), expired)?;
         Ok(Self { grabber })
     }
 }

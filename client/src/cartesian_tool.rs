@@ -3,11 +3,11 @@
 use std::ops::Deref;
 use std::time::Duration;
 
-use yarp_devices::{CartesianControl, DeviceError};
+use yarp_devices::CartesianControl;
 use yarp_ports::Network;
 use yarp_wrappers::{RemoteCartesianControl, RemoteCartesianOptions};
 
-use crate::robot::wait_until;
+use crate::robot::wait_first_value;
 use crate::{Error, Result, local_name};
 
 /// Maximum wait for the first pose of a tool.
@@ -28,8 +28,8 @@ impl CartesianTool {
     ///
     /// Waits for the first pose, at most 5 s.
     ///
-    /// Errors: [`Error::Network`], [`Error::Open`], and [`Error::Device`] with [`DeviceError::NoDataYet`] when the
-    /// controller replies but publishes nothing.
+    /// Errors: [`Error::Network`], [`Error::Open`], and [`Error::Device`] with
+    /// [`DeviceError::NoDataYet`](crate::DeviceError::NoDataYet) when the controller replies but publishes nothing.
     pub fn connect(remote: &str) -> Result<Self> {
         Self::connect_on(&Network::from_process()?, remote)
     }
@@ -43,8 +43,7 @@ impl CartesianTool {
     /// Connects with explicit options.
     pub fn open(network: &Network, options: RemoteCartesianOptions) -> Result<Self> {
         let remote = RemoteCartesianControl::open(network, options)?;
-        let expired = || Error::Device(DeviceError::NoDataYet { what: "tool pose" });
-        wait_until(FIRST_POSE_TIMEOUT, || remote.pose(), expired)?;
+        wait_first_value(FIRST_POSE_TIMEOUT, || remote.pose(), Error::from)?;
         Ok(Self { remote })
     }
 }

@@ -49,23 +49,11 @@ impl Robot {
     /// Connects with explicit options.
     pub fn open(network: &Network, options: RemoteControlBoardOptions) -> Result<Self> {
         let board = RemoteControlBoard::open(network, options)?;
-        let robot = Self {
+        let first_state = || board.encoder_readings(Axes::All);
+        wait_first_value(FIRST_STATE_TIMEOUT, first_state, Error::from)?;
+        Ok(Self {
             board: Arc::new(board),
-        };
-        robot.wait_first_state()?;
-        Ok(robot)
-    }
-
-    fn wait_first_state(&self) -> Result<(), DeviceError> {
-        let deadline = Instant::now() + FIRST_STATE_TIMEOUT;
-        loop {
-            match self.encoder_readings(Axes::All) {
-                Err(DeviceError::NoDataYet { .. }) if Instant::now() < deadline => {
-                    thread::sleep(POLL_INTERVAL);
-                }
-                outcome => return outcome.map(drop),
-            }
-        }
+        })
     }
 
     /// Returns the positions of the joints, in degrees or metres, without waiting.
@@ -106,11 +94,11 @@ impl Deref for Robot {
     }
 }
 
-/// Converts a timeout of a first value into an error of its own.
-pub(crate) fn wait_until<T>(
+/// Waits for the first value of a device; `expired` is the error after the timeout.
+pub(crate) fn wait_first_value<T>(
     timeout: Duration,
     mut attempt: impl FnMut() -> Result<T, DeviceError>,
-    expired: impl FnOnce() -> Error,
+    expired: impl FnOnce(DeviceError) -> Error,
 ) -> Result<T> {
     let deadline = Instant::now() + timeout;
     loop {
@@ -118,7 +106,7 @@ pub(crate) fn wait_until<T>(
             Err(DeviceError::NoDataYet { .. }) if Instant::now() < deadline => {
                 thread::sleep(POLL_INTERVAL);
             }
-            Err(DeviceError::NoDataYet { .. }) => return Err(expired()),
+            Err(error @ DeviceError::NoDataYet { .. }) => return Err(expired(error)),
             outcome => return Ok(outcome?),
         }
     }

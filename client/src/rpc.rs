@@ -8,6 +8,7 @@ use yarp_wire::Vocab32;
 use yarp_wire::message::{ReadObject, WireObject};
 use yarp_wire::{Bottle, bottle};
 
+use crate::message_bounds::{Reply, Request};
 use crate::{Result, asynchronous};
 
 /// A port that sends requests to one server and waits for the replies.
@@ -100,8 +101,8 @@ impl RpcServer {
     /// A request of another layout is answered with `[fail]` and the expected layout; `handler` is not called.
     pub fn open<Q, R>(name: &str, handler: impl Fn(Q) -> R + Send + Sync + 'static) -> Result<Self>
     where
-        Q: ReadObject + Send + 'static,
-        R: WireObject + Send + Sync + 'static,
+        Q: Request,
+        R: Reply,
     {
         Self::open_on(&Network::from_process()?, name, handler)
     }
@@ -113,8 +114,8 @@ impl RpcServer {
         handler: impl Fn(Q) -> R + Send + Sync + 'static,
     ) -> Result<Self>
     where
-        Q: ReadObject + Send + 'static,
-        R: WireObject + Send + Sync + 'static,
+        Q: Request,
+        R: Reply,
     {
         let handler = Arc::new(handler);
         let (network, name) = (network.clone(), name.to_owned());
@@ -123,10 +124,10 @@ impl RpcServer {
                 let handler = handler.clone();
                 async move {
                     match tokio::task::spawn_blocking(move || handler(request)).await {
-                        Ok(reply) => Reply::Handled(reply),
+                        Ok(reply) => HandlerReply::Handled(reply),
                         Err(error) => {
                             tracing::error!("the handler of a request failed: {error}");
-                            Reply::Failed(bottle![Vocab32::FAIL, "the handler failed"])
+                            HandlerReply::Failed(bottle![Vocab32::FAIL, "the handler failed"])
                         }
                     }
                 }
@@ -154,12 +155,12 @@ impl Drop for RpcServer {
 }
 
 /// The reply of a handler, or the error of one that panicked.
-enum Reply<R> {
+enum HandlerReply<R> {
     Handled(R),
     Failed(Bottle),
 }
 
-impl<R: WireObject> WireObject for Reply<R> {
+impl<R: WireObject> WireObject for HandlerReply<R> {
     fn write_binary(&self, out: &mut bytes::BytesMut, wire_version: yarp_wire::WireVersion) {
         match self {
             Self::Handled(reply) => reply.write_binary(out, wire_version),

@@ -26,14 +26,14 @@ ran=0
 failed=0
 # Runs a command with a title, if it is one of those to run; goes on after a failure, and remembers it and what it said.
 suite() {
-    local title=$1 code=0
+    local title=$1 code=0 begin=$SECONDS
     shift
     [[ $title == *"$only"* ]] || return 0
     ran=$((ran + 1))
     echo "---- $title"
     timeout 600 "$@" 2>&1 | tee "$work/said" || code=$?
     if [ $code = 0 ]; then
-        echo "---- $title: passed"
+        echo "---- $title: passed in $((SECONDS - begin)) s"
     else
         echo "---- $title: FAILED, exit code $code"
         failed=$((failed + 1))
@@ -70,6 +70,7 @@ if ! command -v ip >/dev/null; then
 fi
 suite "two hosts and a link that goes down and up" \
     python3 conformance/live/two_hosts.py "$ours" target/release/hosts
+suite "what another host and another user may not do" python3 conformance/live/untrusted_peers.py "$ours"
 
 if ! command -v cvlc >/dev/null; then
     echo "live: installing VLC without its windows, 35 MB"

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde::Deserialize;
+use yarp_testing::from_hex;
 
 /// A recorded scenario.
 #[derive(Clone, Debug)]
@@ -86,7 +87,7 @@ impl Capture {
                     stream.runs.push(Run {
                         sent: dir == ">",
                         time: t,
-                        bytes: decode(&hex),
+                        bytes: from_hex(&hex),
                     });
                 }
             }
@@ -132,11 +133,4 @@ impl Capture {
             })
             .unwrap_or_else(|| panic!("the recording does not place {name}"))
     }
-}
-
-fn decode(hex: &str) -> Vec<u8> {
-    (0..hex.len())
-        .step_by(2)
-        .map(|at| u8::from_str_radix(&hex[at..at + 2], 16).expect("hexadecimal digits"))
-        .collect()
 }

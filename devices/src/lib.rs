@@ -13,12 +13,21 @@
 //! * [`remapper`]: several devices seen as one control board, or a part of one.
 //! * [`sensors`]: simulated sensors of an arm, and sensors of several devices as one.
 //! * [`guard`]: limits and a watchdog around any device.
-//! * [`clock`]: the time of day.
+//! * [`clock`]: the time of day. [`pseudo_random`]: numbers that are the same for the same seed.
+//!   [`periodic_timer`]: deadlines at equal distances.
 //! * [`checks`]: behaviours that every device with these interfaces must show.
 //!
 //! Values are degrees, deg/s and deg/s² for revolute joints, metres, m/s and m/s² for prismatic ones:
 //! the convention of the stock interfaces. No radians cross an interface but [`CartesianControl`]; [`wam::units`] is the border. Sockets and
 //! buses are known only where a device is behind one.
+//!
+//! | feature | content |
+//! | --- | --- |
+//! | `barrett` | [`wam`], [`embedded`], [`can`], the drivers and simulations of [`hand`], and the mathematics of an arm |
+//! | `image-files` | PNG and JPEG images for [`camera`], besides PPM and PGM |
+//!
+//! No feature is on by default: then this crate is the interfaces, [`Device`], [`checks`], [`guard`], [`remapper`], and
+//! the simulated devices of [`fake`] and [`camera`].
 //!
 //! ```
 //! use yarp_devices::wam::SimulatedWam;
@@ -36,12 +45,16 @@
 
 mod axes;
 pub mod camera;
+#[cfg(feature = "barrett")]
 pub mod can;
+#[cfg(feature = "barrett")]
 pub mod cartesian;
 pub mod checks;
 pub mod clock;
 mod device;
+#[cfg(feature = "barrett")]
 pub mod dynamics;
+#[cfg(feature = "barrett")]
 pub mod embedded;
 mod error;
 pub mod fake;
@@ -49,12 +62,18 @@ pub mod guard;
 pub mod hand;
 pub mod iface;
 pub mod image;
+#[cfg(feature = "barrett")]
 pub mod kinematics;
-mod pseudo_random;
+pub mod periodic_timer;
+pub mod pseudo_random;
 pub mod remapper;
+#[cfg(feature = "barrett")]
 pub mod sensors;
+#[cfg(feature = "barrett")]
 pub mod simulation;
+#[cfg(feature = "barrett")]
 pub mod trajectory;
+#[cfg(feature = "barrett")]
 pub mod wam;
 
 pub use axes::{Axes, AxisIndex};

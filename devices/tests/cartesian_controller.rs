@@ -1,7 +1,7 @@
 //! The controller of a tool on the simulated arm, and what it does when the arm is taken from it.
 
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use yarp_devices::cartesian::{CartesianController, CartesianOptions};
 use yarp_devices::wam::{SimulatedWam, WamModel};
@@ -9,6 +9,7 @@ use yarp_devices::{
     Axes, CartesianControl, CartesianEvent, ControlMode, Device, DeviceError, Encoders, Mode,
     Target, checks,
 };
+use yarp_testing::eventually;
 
 /// Longer than anything here takes on a busy machine.
 const TEST_TIMEOUT: Duration = Duration::from_secs(60);
@@ -20,14 +21,6 @@ fn controller() -> (Arc<SimulatedWam>, CartesianController<7>) {
     let options = CartesianOptions::new().part_type("wam7");
     let tool = CartesianController::start(arm.clone(), chain, options).expect("it is an arm");
     (arm, tool)
-}
-
-fn eventually(what: &str, condition: impl Fn() -> bool) {
-    let deadline = Instant::now() + TEST_TIMEOUT;
-    while !condition() {
-        assert!(Instant::now() < deadline, "{what} did not come");
-        std::thread::sleep(Duration::from_millis(2));
-    }
 }
 
 fn positions(arm: &SimulatedWam) -> Vec<f64> {

@@ -1,24 +1,15 @@
 //! The interfaces of motors and forces on the arm with masses and friction, bare and behind guards.
 
 use std::sync::Arc;
-use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use yarp_devices::guard::{Guarded, GuardedOptions, JointLimits, RateLimits, TorqueLimits};
 use yarp_devices::simulation::SimulatorOptions;
 use yarp_devices::wam::{DynamicArm, DynamicWam, WamModel};
 use yarp_devices::{Axes, AxisIndex, Device, DeviceError, Limits, Mode, PidKind, PidValue};
+use yarp_testing::eventually;
 
-const TEST_TIMEOUT: Duration = Duration::from_secs(60);
 const ELBOW: AxisIndex = AxisIndex::new(3);
-
-fn eventually(what: &str, condition: impl Fn() -> bool) {
-    let deadline = Instant::now() + TEST_TIMEOUT;
-    while !condition() {
-        assert!(Instant::now() < deadline, "{what} did not come");
-        thread::sleep(Duration::from_millis(2));
-    }
-}
 
 fn position(arm: &dyn Device) -> f64 {
     arm.encoders()

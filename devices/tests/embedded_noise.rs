@@ -11,45 +11,31 @@ use embedded::{
 };
 use yarp_devices::embedded::protocol::{Kind, Reply, Request};
 use yarp_devices::embedded::{EmbeddedWam, LinkMode, WamNode};
+use yarp_devices::pseudo_random::Random;
 use yarp_devices::{Axes, DeviceError, Encoders, PositionControl};
 
-/// Numbers that look random and are the same each time (xorshift).
-struct Noise(u64);
-
-impl Noise {
-    fn next(&mut self) -> u64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        self.0
-    }
-
-    fn below(&mut self, end: usize) -> usize {
-        (self.next() % end as u64) as usize
-    }
-
-    fn bytes(&mut self, most: usize) -> Vec<u8> {
-        let length = self.below(most + 1);
-        (0..length).map(|_| self.next() as u8).collect()
-    }
+/// Returns up to `most` random bytes.
+fn random_bytes(random: &mut Random, most: usize) -> Vec<u8> {
+    let length = random.below(most + 1);
+    (0..length).map(|_| random.bits() as u8).collect()
 }
 
 /// Number of corrupted connections.
 const CONNECTIONS: usize = 150;
 
 /// Returns the replies of a corrupted embedded PC.
-fn spoilt(noise: &mut Noise, request: &Request) -> Vec<u8> {
+fn spoilt(noise: &mut Random, request: &Request) -> Vec<u8> {
     let mut right = Peer::reply(request).to_bytes();
     match noise.below(4) {
-        0 => noise.bytes(100),
+        0 => random_bytes(noise, 100),
         // The acknowledgement is right and the values are not.
         1 if right.len() > 1 => {
             let at = 1 + noise.below(right.len() - 1);
-            right[at..].fill_with(|| noise.next() as u8);
+            right[at..].fill_with(|| noise.bits() as u8);
             right
         }
         2 => {
-            right.extend(noise.bytes(20));
+            right.extend(random_bytes(noise, 20));
             right
         }
         _ => right,
@@ -62,7 +48,7 @@ fn from_the_device_moves_nothing_and_the_driver_comes_back() {
     let mut options = driver_options(LinkMode::Connect(listeners.addresses()));
     options.max_backoff = Duration::from_millis(2);
     let driver = EmbeddedWam::start(options).expect("it starts");
-    let mut noise = Noise(0x5eed);
+    let mut noise = Random::new(0x5eed);
     let mut asked = Vec::new();
     for _ in 0..CONNECTIONS {
         let mut peer = listeners.accept();
@@ -76,7 +62,12 @@ fn from_the_device_moves_nothing_and_the_driver_comes_back() {
                 spoilt(&mut noise, &request)
             };
             well = well.saturating_sub(1);
-            if noise.below(3) == 0 && peer.packets.write_all(&noise.bytes(300)).is_err() {
+            if noise.below(3) == 0
+                && peer
+                    .packets
+                    .write_all(&random_bytes(&mut noise, 300))
+                    .is_err()
+            {
                 break;
             }
             let short = bytes.len() < Peer::reply(&request).to_bytes().len();
@@ -118,7 +109,7 @@ fn from_a_client_moves_nothing_and_the_next_is_served() {
     let node = WamNode::start(arm.clone(), node_options(LinkMode::listen_on_loopback()))
         .expect("it starts");
     let home: Vec<f64> = (0..7).map(|joint| place(arm.as_ref(), joint)).collect();
-    let mut noise = Noise(0xca5e);
+    let mut noise = Random::new(0xca5e);
     for _ in 0..CONNECTIONS {
         eventually("the end of the client before", || !node.status().connected);
         let (mut stream, _packets) = connect(node.addresses());
@@ -129,7 +120,7 @@ fn from_a_client_moves_nothing_and_the_next_is_served() {
         };
         // No header begins so: that these bytes are a move by chance is impossible.
         bytes.push(b'z');
-        bytes.extend(noise.bytes(600));
+        bytes.extend(random_bytes(&mut noise, 600));
         bytes.extend(*b"zzz");
         // It may have closed before it has everything.
         let _ = stream.write_all(&bytes);

@@ -1,12 +1,12 @@
 //! A guarded arm behaves like the arm within its guards, refuses by name beyond them, and holds when a stream stops.
 
 use std::sync::Arc;
-use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use yarp_devices::guard::{Guarded, GuardedOptions, JointLimits, RateLimits, TorqueLimits};
 use yarp_devices::wam::SimulatedWam;
 use yarp_devices::{Axes, Device, DeviceError, Limits, Mode, checks};
+use yarp_testing::eventually;
 
 const TEST_TIMEOUT: Duration = Duration::from_secs(60);
 const BASE: Axes<'static> = Axes::One(yarp_devices::AxisIndex::new(0));
@@ -25,14 +25,6 @@ fn narrow() -> GuardedOptions {
         },
         torque_limits: TorqueLimits(vec![10.0]),
         ..GuardedOptions::default()
-    }
-}
-
-fn eventually(what: &str, condition: impl Fn() -> bool) {
-    let deadline = Instant::now() + TEST_TIMEOUT;
-    while !condition() {
-        assert!(Instant::now() < deadline, "{what} did not come");
-        thread::sleep(Duration::from_millis(2));
     }
 }
 

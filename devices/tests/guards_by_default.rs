@@ -2,8 +2,7 @@
 //! and no client widens the limits.
 
 use std::sync::Arc;
-use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use yarp_devices::guard::{
     DEFAULT_EFFORT_TIMEOUT, DEFAULT_VELOCITY_TIMEOUT, Guarded, GuardedOptions,
@@ -12,9 +11,8 @@ use yarp_devices::wam::{DynamicWam, SimulatedWam};
 use yarp_devices::{
     Axes, AxisIndex, Device, DeviceError, Interaction, Limits, Mode, PidKind, PidValue,
 };
+use yarp_testing::eventually;
 
-/// Longer than anything here takes on a busy machine.
-const TEST_TIMEOUT: Duration = Duration::from_secs(60);
 const ELBOW: Axes<'static> = Axes::One(AxisIndex::new(3));
 const WRIST: Axes<'static> = Axes::One(AxisIndex::new(6));
 
@@ -25,14 +23,6 @@ fn guarded(device: Arc<dyn Device>) -> Guarded {
 
 fn dynamic() -> Guarded {
     guarded(Arc::new(DynamicWam::start().expect("a thread")))
-}
-
-fn eventually(what: &str, condition: impl Fn() -> bool) {
-    let deadline = Instant::now() + TEST_TIMEOUT;
-    while !condition() {
-        assert!(Instant::now() < deadline, "{what} did not come");
-        thread::sleep(Duration::from_millis(2));
-    }
 }
 
 fn mode(arm: &dyn Device, axes: Axes<'_>) -> Mode {

@@ -7,26 +7,15 @@ use yarp_devices::kinematics::{
     Chain, JacobianTranspose, Joints, Pose, Redundancy, Solver, SolverOptions, Task, Unsolved,
     rotation_vector,
 };
+use yarp_devices::pseudo_random::Random;
 use yarp_devices::wam::WamModel;
 
-/// A linear congruential generator (Knuth), not the one the solver restarts with.
-struct Draw(u64);
-
-impl Draw {
-    fn unit(&mut self) -> f64 {
-        self.0 = self
-            .0
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    fn joints<const N: usize>(&mut self, chain: &Chain<N>) -> Joints<N> {
-        Joints::<N>::from_fn(|joint, _| {
-            let limits = chain.limits()[joint];
-            limits.min + self.unit() * (limits.max - limits.min)
-        })
-    }
+/// Returns joint angles inside the limits.
+fn random_joints<const N: usize>(random: &mut Random, chain: &Chain<N>) -> Joints<N> {
+    Joints::<N>::from_fn(|joint, _| {
+        let limits = chain.limits()[joint];
+        random.between(limits.min, limits.max)
+    })
 }
 
 fn reached<const N: usize>(
@@ -48,10 +37,10 @@ fn solved<const N: usize>(solver: &Solver<N>, task: Task, seed: u64, total: usiz
     let middle = Joints::<N>::from_fn(|joint, _| {
         (chain.limits()[joint].min + chain.limits()[joint].max) / 2.0
     });
-    let mut draw = Draw(seed);
+    let mut draw = Random::new(seed);
     (0..total)
         .filter(|_| {
-            let target = chain.forward(&draw.joints(chain));
+            let target = chain.forward(&random_joints(&mut draw, chain));
             match solver.solve(&target, &middle) {
                 Ok(found) => {
                     assert!(reached(chain, &target, &found.joints, task), "{found:?}");
@@ -119,12 +108,12 @@ fn the_redundant_joint_goes_where_it_is_wanted() {
         Solver::with_options(chain.clone(), options)
     };
     let (free, away) = (with(Redundancy::Free), with(Redundancy::AwayFromLimits));
-    let mut draw = Draw(3);
+    let mut draw = Random::new(3);
     let (mut better, mut total) = (0, 0);
     for _ in 0..500 {
-        let own = draw.joints(&chain);
+        let own = random_joints(&mut draw, &chain);
         let target = chain.forward(&own);
-        let start = draw.joints(&chain);
+        let start = random_joints(&mut draw, &chain);
         let (Ok(one), Ok(other)) = (free.solve(&target, &start), away.solve(&target, &start))
         else {
             continue;
@@ -178,10 +167,10 @@ fn the_same_seed_gives_the_same_solution() {
 fn the_transposed_jacobian_solves_poses_nearby() {
     let chain = WamModel::<7>::new().chain;
     let method = JacobianTranspose::default();
-    let mut draw = Draw(11);
+    let mut draw = Random::new(11);
     let mut found = 0;
     for _ in 0..200 {
-        let own = draw.joints(&chain) * 0.6;
+        let own = random_joints(&mut draw, &chain) * 0.6;
         let own = chain.clamp(&own);
         let start = chain.clamp(&(own + Joints::<7>::from_fn(|_, _| 0.2 * (draw.unit() - 0.5))));
         let target = chain.forward(&own);

@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use yarp_devices::can::CanFrame;
+use yarp_devices::pseudo_random::Random;
 use yarp_devices::simulation::SafetyMode;
 use yarp_devices::wam::WamModel;
 use yarp_devices::wam::can::CanWam;
@@ -15,26 +16,11 @@ use can::memory::Memory;
 use can::scenarios::{active, elbow, is_torque, move_elbow, options};
 use can::{Rig, until};
 
-/// Marsaglia's xorshift.
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        self.0
-    }
-
-    fn below(&mut self, end: usize) -> usize {
-        (self.next() >> 11) as usize % end
-    }
-
-    fn frame(&mut self) -> CanFrame {
-        let bytes = self.next().to_le_bytes();
-        let id = (self.next() >> 20) as u16 & 0x7FF;
-        CanFrame::new(id, &bytes[..self.below(9)]).expect("it fits")
-    }
+/// Returns a frame of any content.
+fn any_frame(random: &mut Random) -> CanFrame {
+    let bytes = random.bits().to_le_bytes();
+    let id = random.bits() as u16 & 0x7FF;
+    CanFrame::new(id, &bytes[..random.below(9)]).expect("it fits")
 }
 
 /// Frames of a minute of a bus that is full: one needs 0.1 ms at least.
@@ -46,11 +32,11 @@ fn a_minute_of_random_frames_moves_nothing() {
     // Active from the beginning, so that torques would move the arm.
     rig.pucks().lock().press_activate();
     let heard = Arc::new(AtomicU64::new(0));
-    let mut random = Random(0x9E37_79B9_7F4A_7C15);
+    let mut random = Random::new(1);
     let counter = Arc::clone(&heard);
     rig.wire().lock().noise = Some(Box::new(move |_| {
         counter.fetch_add(200, Ordering::Relaxed);
-        (0..200).map(|_| random.frame()).collect()
+        (0..200).map(|_| any_frame(&mut random)).collect()
     }));
     let torques = Arc::new(AtomicU64::new(0));
     let counter = Arc::clone(&torques);
@@ -75,13 +61,13 @@ fn answers_with_wrong_bytes_stop_the_start_at_any_step() {
     let mut steps = std::collections::BTreeMap::<String, u32>::new();
     for seed in 1..300 {
         let rig = Memory::new();
-        let mut random = Random(seed * 0x9E37_79B9);
+        let mut random = Random::new(seed);
         rig.wire().lock().noise = Some(Box::new(move |mut answers| {
             for answer in &mut answers {
                 if random.below(100) < 2 {
                     let mut bytes = answer.bytes().to_vec();
                     let at = random.below(bytes.len());
-                    bytes[at] = random.next() as u8;
+                    bytes[at] = random.bits() as u8;
                     *answer = CanFrame::new(answer.id(), &bytes).expect("as long as before");
                 }
             }
@@ -102,11 +88,11 @@ fn answers_with_wrong_bytes_stop_the_start_at_any_step() {
 fn nonsense_between_the_answers_does_not_disturb_a_move() {
     let rig = Memory::new();
     let arm = active(&rig);
-    let mut random = Random(77);
+    let mut random = Random::new(77);
     rig.wire().lock().noise = Some(Box::new(move |answers| {
         let mut mixed = Vec::new();
         for answer in answers {
-            mixed.extend([random.frame(), answer, random.frame()]);
+            mixed.extend([any_frame(&mut random), answer, any_frame(&mut random)]);
         }
         mixed
     }));
@@ -118,9 +104,9 @@ fn nonsense_between_the_answers_does_not_disturb_a_move() {
 fn nonsense_instead_of_answers_has_the_arm_braked() {
     let rig = Memory::new();
     let arm = active(&rig);
-    let mut random = Random(78);
+    let mut random = Random::new(78);
     rig.wire().lock().noise = Some(Box::new(move |answers| {
-        answers.iter().map(|_| random.frame()).collect()
+        answers.iter().map(|_| any_frame(&mut random)).collect()
     }));
     until("the loss noticed", || !arm.status().connected);
     assert_eq!(

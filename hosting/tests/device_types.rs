@@ -2,22 +2,12 @@
 
 mod support;
 
-use std::time::Instant;
-
-use support::{Stage, TIMEOUT};
+use support::Stage;
 use yarp_devices::Axes;
 use yarp_devices::embedded::{LinkMode, NodeOptions, WamNode};
 use yarp_devices::hand::simulated::{SimulatedHand, SimulatedHandOptions};
 use yarp_devices::wam::SimulatedWam;
-
-#[track_caller]
-fn eventually(what: &str, mut condition: impl FnMut() -> bool) {
-    let deadline = Instant::now() + TIMEOUT;
-    while !condition() {
-        assert!(Instant::now() < deadline, "{what} did not come");
-        std::thread::sleep(std::time::Duration::from_millis(5));
-    }
-}
+use yarp_testing::eventually;
 
 /// Checks a camera that one program serves and another one reads.
 #[test]

@@ -20,7 +20,7 @@ use yarp_wire::auth::Key;
 use yarp_wire::carrier::ALL;
 use yarp_wire::http::Gate;
 use yarp_wire::message::RawText;
-use yarp_wire::name_service::{Command, Registration, Request};
+use yarp_wire::name_service::{Command, DEFAULT_PORT, Registration, Request};
 use yarp_wire::{Bottle, Vocab32};
 
 use crate::access_control;
@@ -153,8 +153,6 @@ const CONNECTIONS: usize = 8192;
 const MAX_MESSAGE: usize = 1 << 20;
 /// Sender name of connections over http and websocket.
 const BROWSER: &str = "web";
-/// TCP port of stock's name server.
-const DEFAULT_PORT: u16 = 10000;
 /// Maximum number of queued effects; further ones are dropped with a warning.
 const MAX_QUEUED_EFFECTS: usize = 4096;
 /// Maximum length of a discovery datagram, in bytes.

@@ -8,6 +8,7 @@ use yarp_wire::connection::{Initiator, Progress, ProtocolError};
 use yarp_wire::message::{Command, Payload, WireObject};
 use yarp_wire::{Bottle, Limits};
 
+use crate::connect::connect_over;
 use crate::error::PortError;
 use crate::network::Network;
 use crate::socket::{self, ReadBuffer, Socket};
@@ -43,7 +44,7 @@ impl AdminClient {
             true => Box::pin(version_probe::peer_version(peer, (host, port), network)).await,
             false => None,
         };
-        let connecting = socket::connect_over(peer, host, port, network, carrier.transport);
+        let connecting = connect_over(peer, host, port, network, carrier.transport);
         let stream = connecting.await?;
         let mut output = BytesMut::new();
         let initiator = Initiator::new(

@@ -3,16 +3,27 @@
 //! [`Network`] holds the addresses of the name servers; [`Port`] is a port on it; [`AdminClient`]
 //! is a short admin connection to another port; [`remote_admin`] makes other ports connect.
 //! [`blocking`] is the same for synchronous programs.
+//!
+//! | feature | default | content |
+//! | --- | --- | --- |
+//! | `jpeg` | yes | the carrier `mjpeg`, and the monitor `image_compression_jpeg` |
+//! | `shmem` | yes | the carrier `shmem` |
+//! | `zlib` | yes | the monitors `bottle_compression_zlib` and `depthimage_compression_zlib` |
+//! | `tls` | no | encrypted connections: the carrier `tls` |
+//!
+//! A port built without a carrier neither offers nor accepts it.
 
 pub mod addresses;
 mod admin_client;
 mod auth_step;
+mod available_carriers;
 pub mod blocking;
-mod busy_poll;
 mod cancel;
 pub mod config;
+mod connect;
 pub mod discovery_client;
 mod error;
+mod latency;
 mod lease_renewal;
 pub mod limits;
 mod log_text;
@@ -21,9 +32,9 @@ mod own_names;
 mod port;
 pub mod remote_admin;
 pub mod roles;
+#[cfg_attr(not(feature = "shmem"), path = "shmem_absent.rs")]
 mod shmem;
 mod socket;
-mod tcp_stream;
 mod thread_schedule;
 #[cfg_attr(not(feature = "tls"), path = "tls_absent.rs")]
 mod tls;
@@ -35,6 +46,7 @@ mod version_probe;
 pub use admin_client::AdminClient;
 pub use auth_step::AuthFailure;
 pub use error::{PortError, error_chain};
+pub use latency::request_low_timer_slack;
 pub use log_text::{Printable, printable};
 pub use network::{Endpoint, Network};
 pub use port::{
@@ -44,7 +56,6 @@ pub use port::{
     Reader, Received, ReconnectOptions, ReconnectingConnection, Reply, Traffic,
 };
 pub use port::{built_in as built_in_monitor, built_in_names as built_in_monitors, modifier_names};
-pub use thread_schedule::request_low_timer_slack;
 #[cfg(feature = "tls")]
 pub use tls::Required as TlsRequired;
 pub use tls::{Tls, TlsError};

@@ -210,6 +210,7 @@ pub(crate) static INCOMING_BUDGET: Budget = Budget {
 };
 
 /// Budget of expanded messages and pictures.
+#[cfg(any(feature = "jpeg", feature = "zlib"))]
 pub(crate) static EXPANSION_BUDGET: Budget = Budget {
     limit: &EXPANDED,
     used: AtomicUsize::new(0),

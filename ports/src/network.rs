@@ -8,7 +8,6 @@ use std::time::Duration;
 use bytes::BytesMut;
 use yarp_wire::Contact;
 use yarp_wire::auth::Key;
-use yarp_wire::carrier::ALL;
 use yarp_wire::http::Gate;
 use yarp_wire::name_service::{
     Answer, AnswerEnd, AnswerReader, Command, PREFIX, RegisterRequest, Registration, Request,
@@ -16,7 +15,9 @@ use yarp_wire::name_service::{
 };
 
 use crate::addresses;
+use crate::available_carriers;
 use crate::config::{Configuration, DEFAULT_NAMESPACE, NameServer, Namespace};
+use crate::connect::connect;
 use crate::error::PortError;
 use crate::lease_renewal::LeasedNames;
 use crate::log_text::printable;
@@ -478,7 +479,7 @@ impl Network {
             }
         };
         let conversation = async {
-            let connecting = socket::connect("the name server", host, port, self);
+            let connecting = connect("the name server", host, port, self);
             let stream = match connecting.await {
                 Ok(stream) => stream,
                 Err(PortError::Connect { source, .. }) => {
@@ -636,9 +637,7 @@ impl Network {
         name: &str,
         addresses: &[String],
     ) -> Result<(), PortError> {
-        let mut carriers = ALL.map(|carrier| carrier.name).to_vec();
-        carriers.dedup();
-        let carriers = carriers.join(" ");
+        let carriers = available_carriers::names(|_| true).join(" ");
         let addresses = addresses.join(" ");
         let process = std::process::id();
         for request in [

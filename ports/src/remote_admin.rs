@@ -331,7 +331,7 @@ fn owner_in_words(endpoint: &Endpoint, properties: &Bottle) -> String {
 /// Returns whether the TCP port of a port accepts connections.
 pub async fn listens(network: &Network, endpoint: &Endpoint) -> bool {
     let deadline = network.timeout();
-    crate::socket::connect_only(&endpoint.name, &endpoint.host, endpoint.port, deadline)
+    crate::connect::connect_only(&endpoint.name, &endpoint.host, endpoint.port, deadline)
         .await
         .is_ok()
 }

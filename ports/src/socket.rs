@@ -9,14 +9,11 @@ use std::time::Duration;
 use bytes::{BufMut, BytesMut};
 use socket2::{SockRef, TcpKeepalive};
 use tokio::net::{TcpListener, TcpStream, UdpSocket};
-use yarp_wire::carrier::Transport;
 
-use crate::auth_step;
-use crate::error::{PortError, resolve};
-use crate::network::Network;
+use crate::error::PortError;
+use crate::latency::{Optimisation, Tcp};
 use crate::shmem::ShmemStream;
-use crate::tcp_stream::Tcp;
-use crate::tls::{self, Tls, TlsError, TlsStream};
+use crate::tls::TlsStream;
 use crate::unix_socket::Unix;
 
 /// The socket of a connection, by transport.
@@ -71,6 +68,9 @@ impl Socket {
     /// Suppresses wake-ups for few bytes, where supported, until the next wait in
     /// [`Socket::readable`].
     pub(crate) fn suppress_wakeups(&self) {
+        if !Optimisation::SuppressWakeups.is_enabled() {
+            return;
+        }
         match self {
             Self::Tcp(stream) => stream.suppress_wakeups(),
             Self::Unix(stream) => stream.suppress_wakeups(),
@@ -174,113 +174,18 @@ pub(crate) fn prepare(stream: &TcpStream) -> io::Result<()> {
 ///
 /// Source: tcp(7) of Linux; saves five system calls per connection.
 pub(crate) fn prepare_all(listener: &TcpListener) -> bool {
-    cfg!(target_os = "linux") && prepare_socket(&SockRef::from(listener)).is_ok()
+    cfg!(target_os = "linux")
+        && Optimisation::InheritedOptions.is_enabled()
+        && prepare_socket(&SockRef::from(listener)).is_ok()
 }
 
 fn prepare_socket(socket: &SockRef<'_>) -> io::Result<()> {
-    socket.set_tcp_nodelay(true)?;
+    socket.set_tcp_nodelay(Optimisation::NoDelay.is_enabled())?;
     let asking = TcpKeepalive::new()
         .with_time(KEEPALIVE_IDLE)
         .with_interval(KEEPALIVE_INTERVAL)
         .with_retries(KEEPALIVE_PROBES);
     socket.set_tcp_keepalive(&asking)
-}
-
-/// Connects to a port, and shows it the key of the network if there is one. The connection is encrypted where the network
-/// requires it.
-pub(crate) async fn connect(
-    peer: &str,
-    host: &str,
-    port: u16,
-    network: &Network,
-) -> Result<Socket, PortError> {
-    connect_over(peer, host, port, network, Transport::Stream).await
-}
-
-/// Connects like [`connect`], for a carrier of this transport.
-pub(crate) async fn connect_over(
-    peer: &str,
-    host: &str,
-    port: u16,
-    network: &Network,
-    transport: Transport,
-) -> Result<Socket, PortError> {
-    let stream = connect_only(peer, host, port, network.timeout()).await?;
-    if let Some(key) = network.key() {
-        let handshake = auth_step::initiate(&stream, key).await;
-        handshake.map_err(|source| PortError::Authentication {
-            peer: peer.to_owned(),
-            address: format!("{host}:{port}"),
-            source,
-        })?;
-    }
-    let failed = |source| PortError::Encryption {
-        peer: peer.to_owned(),
-        address: format!("{host}:{port}"),
-        source,
-    };
-    let encrypts = secure(stream, host, network, transport == Transport::Encrypted).await;
-    encrypts.map_err(failed)
-}
-
-/// Encrypts a connection to `host` if it is `wanted` or the network requires it.
-async fn secure(
-    stream: Socket,
-    host: &str,
-    network: &Network,
-    wanted: bool,
-) -> Result<Socket, TlsError> {
-    let Some(tls) = network.tls() else {
-        return match wanted {
-            true => Err(TlsError::NotConfigured),
-            false => Ok(stream),
-        };
-    };
-    match stream {
-        Socket::Tcp(tcp) if wanted || concerns(tls, &tcp) => {
-            let encrypted = tls::initiate(tcp, host, tls).await?;
-            Ok(Socket::Tls(Box::new(encrypted)))
-        }
-        stream => Ok(stream),
-    }
-}
-
-/// Returns whether a connection has to be encrypted: it leads to another machine, and the network requires it.
-pub(crate) fn concerns(tls: &Tls, stream: &TcpStream) -> bool {
-    match (stream.local_addr(), stream.peer_addr()) {
-        (Ok(local), Ok(peer)) => tls.concerns(local.ip(), peer.ip()),
-        // It is not connected any more.
-        _ => true,
-    }
-}
-
-/// Connects to a TCP port with a deadline; small messages go out at once.
-pub(crate) async fn connect_only(
-    peer: &str,
-    host: &str,
-    port: u16,
-    deadline: Duration,
-) -> Result<Socket, PortError> {
-    let address = format!("{host}:{port}");
-    let connecting = async {
-        let stream = TcpStream::connect(resolve(host, port).await?).await?;
-        prepare(&stream)?;
-        Ok(stream)
-    };
-    match tokio::time::timeout(deadline, connecting).await {
-        Ok(Ok(stream)) => Ok(Socket::Tcp(Tcp::new(stream))),
-        Ok(Err(source)) => Err(PortError::connect(
-            peer,
-            address,
-            PortError::CONNECTING,
-            source,
-        )),
-        Err(_) => Err(PortError::Timeout {
-            peer: format!("{peer} at {address}"),
-            step: PortError::CONNECTING,
-            seconds: deadline.as_secs_f64(),
-        }),
-    }
 }
 
 /// Bytes a buffer starts with; idle connections hold none.
@@ -321,7 +226,11 @@ impl ReadBuffer {
     /// Makes room for this many more bytes. Two buffers alternate, so that a small message that is
     /// still in use does not require a new one.
     pub(crate) fn reserve(&mut self, room: usize) {
-        if self.bytes.is_empty() && room <= MAX_READ_LEN && !self.bytes.try_reclaim(room) {
+        if self.bytes.is_empty()
+            && room <= MAX_READ_LEN
+            && Optimisation::BufferReuse.is_enabled()
+            && !self.bytes.try_reclaim(room)
+        {
             std::mem::swap(&mut self.bytes, &mut self.spare);
         }
         self.bytes.reserve(room);

@@ -15,7 +15,6 @@
 
 use std::collections::HashSet;
 use std::io;
-use std::time::Duration;
 
 /// A policy, and the priority within it.
 #[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
@@ -98,41 +97,6 @@ impl Schedule {
     }
 }
 
-/// Time slice requested for a thread with deadlines: a shorter slice than others have reduces its
-/// wait. Source: the minimum of Linux.
-const TIMER_SLICE: Duration = Duration::from_micros(100);
-
-/// Requests low timer slack and a short time slice for the calling thread, for short work with
-/// deadlines. Needs no privilege, and takes no processor time from other threads.
-///
-/// Timers of other threads may be late by 50 µs, so that the system can coalesce them; and a busy
-/// program may finish a slice of some milliseconds first. If the system lacks these settings
-/// nothing changes. Source: `PR_SET_TIMERSLACK` in prctl(2); the slice of the default policy in
-/// sched_setattr(2), supported by Linux since 6.12.
-pub fn request_low_timer_slack() {
-    // SAFETY: takes numbers.
-    unsafe { libc::prctl(libc::PR_SET_TIMERSLACK, 1 as libc::c_ulong) };
-    let mut own = libc::sched_attr {
-        size: 0,
-        sched_policy: 0,
-        sched_flags: 0,
-        sched_nice: 0,
-        sched_priority: 0,
-        sched_runtime: 0,
-        sched_deadline: 0,
-        sched_period: 0,
-    };
-    let size = size_of_val(&own);
-    // SAFETY: `own` has that size, any bytes in it are one of its values, and it lives longer than the call.
-    let asked = unsafe { libc::syscall(libc::SYS_sched_getattr, 0, &raw mut own, size, 0) };
-    // Others have no slices.
-    if asked == 0 && own.sched_policy == libc::SCHED_OTHER as u32 {
-        own.sched_runtime = TIMER_SLICE.as_nanos() as u64;
-        // SAFETY: `own` is only read, tells its size, and lives longer than the call.
-        unsafe { libc::syscall(libc::SYS_sched_setattr, 0, &raw const own, 0) };
-    }
-}
-
 /// Returns the reason why the system refuses a schedule, and what to try.
 pub(crate) fn reason(error: &io::Error) -> String {
     match error.raw_os_error() {
@@ -161,25 +125,5 @@ fn checked(result: i32) -> io::Result<i32> {
     match result {
         0.. => Ok(result),
         _ => Err(io::Error::last_os_error()),
-    }
-}
-
-#[cfg(all(test, target_os = "linux"))]
-mod tests {
-    use std::thread;
-
-    use super::*;
-
-    #[test]
-    fn only_the_calling_thread_gets_low_timer_slack() {
-        // SAFETY: takes numbers, and answers one.
-        let slack = || unsafe { libc::prctl(libc::PR_GET_TIMERSLACK) };
-        let before = slack();
-        assert!(before > 1, "{before}");
-        let after = thread::spawn(move || {
-            request_low_timer_slack();
-            slack()
-        });
-        assert_eq!((slack(), after.join().unwrap()), (before, 1));
     }
 }

@@ -9,7 +9,7 @@ use std::path::Path;
 use bytes::BufMut;
 
 use crate::config::ConfigError;
-use crate::tcp_stream::Tcp;
+use crate::latency::Tcp;
 
 /// The name of the file that would say how connections are encrypted.
 pub(crate) const FILE: &str = "tls.conf";

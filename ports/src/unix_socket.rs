@@ -1,7 +1,7 @@
 //! Sockets of the file system for connections within one machine.
 //!
 //! Such a stream tells whoever waits for it of every few bytes, and its writer pays for that; so the runtime waits for it
-//! only while a task sleeps on it, and not while one looks for bytes itself ([`BusyPoll`](crate::busy_poll::BusyPoll)). To begin
+//! only while a task sleeps on it, and not while one looks for bytes itself ([`BusyPoll`](crate::latency::BusyPoll)). To begin
 //! and end that takes system calls and memory; so where the task went to sleep after all it stays begun for a while.
 //!
 //! Both ends know the TCP ports of the header's connection and derive the path from them:
@@ -24,6 +24,8 @@ use std::time::Duration;
 use bytes::BufMut;
 use socket2::SockRef;
 use tokio::net::{TcpStream, UnixListener, UnixStream};
+
+use crate::latency::Optimisation;
 
 /// Timeout of the initiator's connection.
 const ACCEPT_TIMEOUT: Duration = Duration::from_secs(5);
@@ -68,7 +70,7 @@ enum RuntimeCopy {
 }
 
 impl Unix {
-    /// Returns the stream needs to be non-blocking.
+    /// Wraps a stream, which must be non-blocking.
     fn new(stream: net::UnixStream) -> io::Result<Self> {
         let copy = Mutex::new(RuntimeCopy::Unregistered(stream.try_clone()?));
         let suppressions_to_skip = AtomicU32::new(0);
@@ -81,7 +83,9 @@ impl Unix {
 
     fn with_room(stream: UnixStream) -> io::Result<Self> {
         // Less room only makes large messages slower.
-        let _ = SockRef::from(&stream).set_send_buffer_size(SEND_BUFFER_LEN);
+        if Optimisation::UnixSendBuffer.is_enabled() {
+            let _ = SockRef::from(&stream).set_send_buffer_size(SEND_BUFFER_LEN);
+        }
         Self::new(stream.into_std()?)
     }
 

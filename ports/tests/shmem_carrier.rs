@@ -1,12 +1,9 @@
-//! Messages through shared memory; killed peers, and the objects they leave. The layouts themselves
-//! are tested beside the code; live stock peers in `conformance/live/carriers.py`.
+//! Messages through shared memory. Killed peers are tested in `shmem_killed_peers.rs`, the layouts beside the code, live
+//! stock peers in `conformance/live/carriers.py`.
 
 mod common;
 
-use std::io::{BufRead, BufReader};
-use std::process::{Command, Stdio};
-
-use common::{Raw, at, bottle, connect, next, open, until, within};
+use common::{Raw, bottle, connect, next, open, until, within};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpListener;
 use yarp_ports::{Answer, PortOptions, Queue};
@@ -59,87 +56,6 @@ async fn messages_of_every_size_arrive_and_are_answered() {
     within(async { tokio::join!(writing, reading) }).await;
     within(writer.close()).await;
     until(|| reader.inputs().is_empty()).await;
-}
-
-/// The environment variable with the task of a child process.
-const CHILD: &str = "YARP_TEST_SHMEM_CHILD";
-
-/// No test: the process that is killed. Writes to the contact in its environment as fast as it can.
-#[tokio::test]
-async fn child_that_writes() {
-    let Ok(contact) = std::env::var(CHILD) else {
-        return;
-    };
-    let writer = open("/child", PortOptions::new()).await;
-    within(writer.connect(&contact)).await.unwrap();
-    let message = Bottle::of("x".repeat(300_000));
-    loop {
-        writer.write(&message).await;
-    }
-}
-
-/// Not a test: the process to be killed. Reads, and prints its TCP port.
-#[tokio::test]
-async fn child_that_reads() {
-    if std::env::var(CHILD).is_err() {
-        return;
-    }
-    let reader = open("/child", PortOptions::new().queue(Queue::Wait(1))).await;
-    println!("\nport={}", reader.tcp_port());
-    while reader.read().await.is_ok() {}
-}
-
-fn child(name: &str, wish: &str) -> std::process::Child {
-    Command::new(std::env::current_exe().unwrap())
-        .args(["--exact", name, "--nocapture"])
-        .env(CHILD, wish)
-        .stdout(Stdio::piped())
-        .spawn()
-        .unwrap()
-}
-
-#[tokio::test]
-async fn a_writer_that_is_killed_is_noticed_and_may_come_again() {
-    let reader = open("/reader", PortOptions::new().queue(Queue::Wait(1))).await;
-    for _ in 0..3 {
-        let mut child = child("child_that_writes", &at(&reader, "shmem"));
-        for _ in 0..5 {
-            let read = within(reader.read()).await.unwrap();
-            assert_eq!(&*read.from, "/child");
-        }
-        child.kill().unwrap();
-        child.wait().unwrap();
-        let gone = until(|| {
-            while reader.try_read().is_some() {}
-            reader.inputs().is_empty()
-        });
-        gone.await;
-    }
-}
-
-#[tokio::test]
-async fn a_reader_that_is_killed_is_noticed_and_may_come_again() {
-    let writer = open("/writer", PortOptions::new()).await;
-    for _ in 0..3 {
-        let mut child = child("child_that_reads", "read");
-        let output = BufReader::new(child.stdout.take().unwrap());
-        let mut lines = output.lines().map_while(Result::ok);
-        let number = lines.find_map(|line| line.strip_prefix("port=").map(str::to_owned));
-        let contact = format!("shmem://127.0.0.1:{}/child", number.unwrap());
-        within(writer.connect(&contact)).await.unwrap();
-        let message = Bottle::of("x".repeat(300_000));
-        for _ in 0..5 {
-            assert_eq!(within(writer.write(&message)).await, 1);
-        }
-        child.kill().unwrap();
-        child.wait().unwrap();
-        let gone = async {
-            while !writer.outputs().is_empty() {
-                writer.write(&message).await;
-            }
-        };
-        within(gone).await;
-    }
 }
 
 /// A peer that lacks the carrier refuses at once, or closes the connection.

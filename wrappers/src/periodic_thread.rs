@@ -8,6 +8,7 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use tokio::sync::oneshot;
+use yarp_devices::periodic_timer::{MissedCycles, PeriodicTimer};
 
 use crate::OpenError;
 
@@ -71,24 +72,13 @@ impl PeriodicThread {
     }
 }
 
-/// Calls `work` every `period` until stopped. Deadlines are multiples of the period from the start, so that lateness
-/// does not add up; after a pause of the machine the missed ones are left out, not run in a burst.
+/// Calls `work` at once and every `period` from then on, until stopped.
 fn every(period: Duration, ending: &AtomicBool, mut work: impl FnMut()) {
-    let mut deadline = Instant::now();
-    while !ending.load(Ordering::Acquire) {
-        let now = Instant::now();
-        if now < deadline {
-            // May wake early, then the loop comes back here.
-            thread::park_timeout(deadline - now);
-            continue;
-        }
+    let is_ending = || ending.load(Ordering::Acquire);
+    let mut timer = PeriodicTimer::new(Instant::now(), period, MissedCycles::Skip);
+    while !is_ending() {
         work();
-        deadline += period;
-        let late = Instant::now().saturating_duration_since(deadline);
-        if late >= period {
-            let missed = late.as_nanos() / period.as_nanos();
-            deadline += period * u32::try_from(missed).unwrap_or(u32::MAX);
-        }
+        timer.wait(is_ending);
     }
 }
 

@@ -8,6 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
 use support::{Stage, TEST_TIMEOUT, eventually};
+use yarp_devices::pseudo_random::Random;
 use yarp_devices::{Axes, AxisIndex, AxisInfo, Encoders, PositionControl};
 use yarp_ports::{Answer, PortOptions, remote_admin};
 use yarp_wire::WireVersion;
@@ -31,14 +32,8 @@ fn raw(stage: &Stage, port: &str, name: &str) -> TcpStream {
 
 /// Bytes without a plan, the same each time.
 fn garbage(seed: u64) -> Vec<u8> {
-    let mut state = seed;
-    let mut next = || {
-        state = state
-            .wrapping_mul(6364136223846793005)
-            .wrapping_add(1442695040888963407);
-        (state >> 56) as u8
-    };
-    (0..512).map(|_| next()).collect()
+    let mut random = Random::new(seed);
+    (0..512).map(|_| random.bits() as u8).collect()
 }
 
 fn drives(stage: &Stage, number: usize) {

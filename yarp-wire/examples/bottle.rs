@@ -6,9 +6,9 @@
 //! echo 'hello 0.5 (a [ok])' | cargo run -q -p yarp-wire --example bottle
 //! ```
 
-use std::fmt::Write as _;
 use std::io::{BufRead, Write};
 
+use yarp_testing::{from_hex, to_hex};
 use yarp_wire::{Bottle, WireVersion};
 
 fn main() -> std::io::Result<()> {
@@ -16,7 +16,11 @@ fn main() -> std::io::Result<()> {
     let mut out = std::io::BufWriter::new(std::io::stdout().lock());
     for line in std::io::stdin().lock().split(b'\n') {
         let line = line?;
-        let text = if hexadecimal { from_hex(&line)? } else { line };
+        let text = if hexadecimal {
+            from_hex(&String::from_utf8_lossy(&line))
+        } else {
+            line
+        };
         match Bottle::parse_bytes(&text) {
             Ok(bottle) => {
                 let printed = bottle.to_text();
@@ -31,22 +35,4 @@ fn main() -> std::io::Result<()> {
         }
     }
     out.flush()
-}
-
-fn to_hex(bytes: &[u8]) -> String {
-    bytes.iter().fold(String::new(), |mut hex, byte| {
-        // Writing to a string cannot fail.
-        let _ = write!(hex, "{byte:02x}");
-        hex
-    })
-}
-
-fn from_hex(line: &[u8]) -> std::io::Result<Vec<u8>> {
-    let wrong = |error| std::io::Error::new(std::io::ErrorKind::InvalidData, error);
-    line.chunks(2)
-        .map(|pair| {
-            let pair = std::str::from_utf8(pair).map_err(|e| wrong(e.to_string()))?;
-            u8::from_str_radix(pair, 16).map_err(|e| wrong(e.to_string()))
-        })
-        .collect()
 }

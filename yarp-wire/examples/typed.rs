@@ -21,10 +21,10 @@
 //! ```
 
 use std::collections::BTreeMap;
-use std::fmt::Write as _;
 use std::io::{BufRead, Write};
 
 use bytes::{Bytes, BytesMut};
+use yarp_testing::{from_hex, to_hex};
 use yarp_wire::bottle::Text;
 use yarp_wire::message::{ReadObject, WireObject};
 use yarp_wire::typed::{
@@ -67,7 +67,7 @@ fn answer(line: &str, wire_version: WireVersion) -> Result<String, Failure> {
             &Bottle::parse(content)?,
             wire_version,
         )?)),
-        ("read", hex) => Ok(read(kind, &from_hex(hex)?, wire_version)?.to_string()),
+        ("read", hex) => Ok(read(kind, &from_hex(hex).into(), wire_version)?.to_string()),
         _ => Err("expected `write` or `read`".into()),
     }
 }
@@ -245,20 +245,4 @@ fn image(content: &Bottle) -> Result<Image, Failure> {
     let image = Image::from_padded(code(content, 0)?, width, height, 1, pixels)?;
     let image = image.with_quantum(size(content, 3)?)?;
     Ok(image.with_mark(integer(content, 4)? != 0))
-}
-
-fn to_hex(bytes: &[u8]) -> String {
-    bytes.iter().fold(String::new(), |mut hex, byte| {
-        // Writing to a string cannot fail.
-        let _ = write!(hex, "{byte:02x}");
-        hex
-    })
-}
-
-fn from_hex(hex: &str) -> Result<Bytes, Failure> {
-    let digits = hex.as_bytes().chunks(2);
-    let bytes: Result<Vec<u8>, Failure> = digits
-        .map(|pair| Ok(u8::from_str_radix(std::str::from_utf8(pair)?, 16)?))
-        .collect();
-    Ok(bytes?.into())
 }

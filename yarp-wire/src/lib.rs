@@ -10,6 +10,7 @@
 //! * [`auth`]: the handshake before a connection, if there is a key.
 //! * [`protocol`]: the byte protocols of the carriers.
 //! * [`connection`]: the state machines of both sides of a connection.
+//! * [`ready`]: the result of decoders that are fed as bytes arrive.
 //! * [`mjpeg`]: JPEG images for browsers, and from cameras.
 //! * [`websocket`]: the frames that connect web pages to ports.
 //! * [`admin`], [`name_service`]: the messages that programs send to ports and to the name server.
@@ -33,6 +34,7 @@ pub mod name_service;
 pub mod port_name;
 pub mod protocol;
 pub mod qos;
+pub mod ready;
 pub mod settings;
 pub mod shmem;
 pub mod stamp;
@@ -44,6 +46,7 @@ pub mod wire_version;
 pub use bottle::{Bottle, Value};
 pub use limits::Limits;
 pub use port_name::{Contact, PortName};
+pub use ready::Ready;
 pub use stamp::Stamp;
 pub use vocab::{Vocab32, Vocab64};
 pub use wire_version::WireVersion;

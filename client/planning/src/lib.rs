@@ -33,7 +33,6 @@ mod collision;
 mod path;
 mod planner;
 mod problem;
-mod random;
 mod rrt_connect;
 mod scene;
 mod shape;

@@ -1,12 +1,12 @@
 //! Plans of motions.
 
 use yarp_devices::kinematics::Joints;
+use yarp_devices::pseudo_random::Random;
 use yarp_devices::trajectory::JointLimits;
 use yarp_devices::wam::WamModel;
 
 use crate::collision::{ArmGeometry, CollisionModel, Contact};
 use crate::path::{Path, Trajectory, TrajectoryError, shorten};
-use crate::random::Random;
 use crate::rrt_connect::search;
 use crate::scene::Scene;
 

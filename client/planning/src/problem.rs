@@ -8,9 +8,9 @@ use yarp_devices::wam::WamModel;
 
 use crate::collision::{ArmGeometry, CollisionModel};
 use crate::planner::Planner;
-use crate::random::Random;
 use crate::scene::{Obstacle, Scene};
 use crate::shape::Shape;
+use yarp_devices::pseudo_random::Random;
 
 /// Maximum number of obstacles and of goals of a file.
 const MAX_ENTRIES: usize = 10_000;

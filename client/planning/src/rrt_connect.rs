@@ -5,9 +5,9 @@
 //! posture as far as it goes.
 
 use yarp_devices::kinematics::Joints;
+use yarp_devices::pseudo_random::Random;
 
 use crate::collision::CollisionModel;
-use crate::random::Random;
 
 /// Largest distance of one extension, in rad of the weighted joint distance.
 const MAX_EXTENSION: f64 = 0.8;

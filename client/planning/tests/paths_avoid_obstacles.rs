@@ -2,27 +2,15 @@
 
 use nalgebra::{Point3, Rotation3, Translation3, Vector3};
 use yarp_devices::kinematics::{Joints, Pose};
+use yarp_devices::pseudo_random::Random;
 use yarp_devices::wam::WamModel;
 use yarp_planning::{
     ArmGeometry, CollisionModel, Obstacle, Path, PlanError, Planner, PlannerOptions, Scene, Shape,
 };
 
-/// A generator of its own, so that scenes do not depend on the planner.
-struct Lcg(u64);
-
-impl Lcg {
-    fn between(&mut self, low: f64, high: f64) -> f64 {
-        self.0 = self
-            .0
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1);
-        low + (high - low) * ((self.0 >> 33) as f64 / (1_u64 << 31) as f64)
-    }
-}
-
 /// A table with boxes and cylinders on it, and some boxes in the air.
 fn cluttered(seed: u64) -> Scene {
-    let mut random = Lcg(seed);
+    let mut random = Random::new(seed);
     let mut scene = Scene::default();
     let table = Pose::translation(0.0, 0.0, -0.35);
     scene.add(Obstacle::new("floor", Shape::HalfSpace, table));
@@ -53,7 +41,7 @@ fn cluttered(seed: u64) -> Scene {
     scene
 }
 
-fn free_posture(model: &CollisionModel, random: &mut Lcg) -> Joints<7> {
+fn free_posture(model: &CollisionModel, random: &mut Random) -> Joints<7> {
     let limits = *model.chain().limits();
     loop {
         let posture =
@@ -107,7 +95,7 @@ fn a_path_is_found_in_nearly_every_cluttered_scene() {
     for seed in 0..scenes {
         let scene = cluttered(seed);
         let checks = CollisionModel::new(&model.chain, ArmGeometry::wam(), scene.clone());
-        let mut random = Lcg(seed + 1000);
+        let mut random = Random::new(seed + 1000);
         let start = free_posture(&checks, &mut random);
         let goal = free_posture(&checks, &mut random);
         match Planner::with_model(checks).plan(&start, &[goal]) {

@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use yarp_ports::{Answer, Network, Port, PortOptions};
 use yarp_wire::bottle;
-use yarp_wire::message::{ReadObject, WireObject};
 
 use crate::Result;
+use crate::message_bounds::{Reply, Request};
 
 /// A port that answers requests.
 ///
@@ -38,8 +38,8 @@ impl RpcServer {
         handler: impl Fn(Q) -> F + Send + Sync + 'static,
     ) -> Result<Self>
     where
-        Q: ReadObject + Send + 'static,
-        R: WireObject + Send + Sync + 'static,
+        Q: Request,
+        R: Reply,
         F: Future<Output = R> + Send + 'static,
     {
         Self::open_on(&Network::from_process()?, name, handler).await
@@ -52,8 +52,8 @@ impl RpcServer {
         handler: impl Fn(Q) -> F + Send + Sync + 'static,
     ) -> Result<Self>
     where
-        Q: ReadObject + Send + 'static,
-        R: WireObject + Send + Sync + 'static,
+        Q: Request,
+        R: Reply,
         F: Future<Output = R> + Send + 'static,
     {
         let handler = Arc::new(handler);

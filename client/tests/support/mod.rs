@@ -1,14 +1,11 @@
 //! A network with a name server of its own, for the tests of this crate.
 #![allow(dead_code, reason = "each test file uses a part of it")]
 
-use std::time::{Duration, Instant};
-
 use yarp_client::Network;
 use yarp_client::ports::blocking::wait;
 use yarp_nameserver::{Server, ServerOptions};
-
-/// Longer than any step takes on a busy machine.
-pub(crate) const TIMEOUT: Duration = Duration::from_secs(60);
+#[allow(unused_imports, reason = "each test file uses a part of it")]
+pub(crate) use yarp_testing::{TIMEOUT, eventually};
 
 /// Starts a name server on loopback.
 pub(crate) fn name_server() -> (Server, Network) {
@@ -16,16 +13,6 @@ pub(crate) fn name_server() -> (Server, Network) {
     let names = names.expect("a name server starts");
     let network = names.network();
     (names, network)
-}
-
-/// Waits until `condition` holds.
-#[track_caller]
-pub(crate) fn eventually(what: &str, mut condition: impl FnMut() -> bool) {
-    let start = Instant::now();
-    while !condition() {
-        assert!(start.elapsed() < TIMEOUT, "not within {TIMEOUT:?}: {what}");
-        std::thread::sleep(Duration::from_millis(5));
-    }
 }
 
 /// Returns the registered names but for those of the name server itself.

@@ -1,31 +1,15 @@
 //! Hand-eye calibration of synthetic views: accuracy, rejection of bad views, motions that determine nothing.
 
 use nalgebra::{Point3, Rotation3, UnitQuaternion, Vector3};
+use yarp_devices::pseudo_random::Random;
 use yarp_vision::calibration::{
     Accuracy, Calibration, CalibrationError, HandEye, Method, Pattern, SolveOptions, View,
     calibrate, grids, location_error, measure, pattern_pose, refine, solve, write_figure,
 };
 use yarp_vision::{CameraModel, Intrinsics, Pose};
 
-/// Normally distributed numbers from a linear congruential generator.
-struct Random(u64);
-
-impl Random {
-    fn uniform(&mut self) -> f64 {
-        self.0 = self
-            .0
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    fn normal(&mut self) -> f64 {
-        (0..12).map(|_| self.uniform()).sum::<f64>() - 6.0
-    }
-
-    fn vector(&mut self, deviation: f64) -> Vector3<f64> {
-        Vector3::from_fn(|_, _| self.normal() * deviation)
-    }
+fn random_vector(random: &mut Random, deviation: f64) -> Vector3<f64> {
+    Vector3::from_fn(|_, _| random.gaussian() * deviation)
 }
 
 fn pattern() -> Pattern {
@@ -49,17 +33,17 @@ fn truth() -> HandEye {
 
 /// Views all over the image; noise in pixels, and of the arm in m and rad.
 fn views(seed: u64, count: usize, pixels: f64, position: f64, angle: f64) -> Vec<View> {
-    let (truth, pattern, mut random) = (truth(), pattern(), Random(seed));
+    let (truth, pattern, mut random) = (truth(), pattern(), Random::new(seed));
     let mut all = Vec::new();
     while all.len() < count {
         let place = Vector3::new(
-            0.4 * random.uniform() - 0.28,
-            0.3 * random.uniform() - 0.2,
-            0.55 + 0.25 * random.uniform(),
+            0.4 * random.unit() - 0.28,
+            0.3 * random.unit() - 0.2,
+            0.55 + 0.25 * random.unit(),
         );
         let tilt =
-            Rotation3::new(Vector3::new(random.uniform() - 0.5, random.uniform() - 0.5, 0.0) * 1.2);
-        let turn = Rotation3::new(Vector3::z() * (random.uniform() - 0.5) * 3.0);
+            Rotation3::new(Vector3::new(random.unit() - 0.5, random.unit() - 0.5, 0.0) * 1.2);
+        let turn = Rotation3::new(Vector3::z() * (random.unit() - 0.5) * 3.0);
         let grid = Pose::from_parts(place.into(), tilt * turn);
         let hand = truth.hand_to_world(&grid);
         let Some(mut corners) = truth.predict(&pattern, &hand) else {
@@ -72,11 +56,11 @@ fn views(seed: u64, count: usize, pixels: f64, position: f64, angle: f64) -> Vec
             continue;
         }
         for value in corners.iter_mut().flatten() {
-            *value += random.normal() * pixels;
+            *value += random.gaussian() * pixels;
         }
         let error = Pose::from_parts(
-            random.vector(position).into(),
-            Rotation3::new(random.vector(angle)),
+            random_vector(&mut random, position).into(),
+            Rotation3::new(random_vector(&mut random, angle)),
         );
         all.push(View {
             name: format!("view {}", all.len()),

@@ -16,9 +16,8 @@ use std::sync::Arc;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use yarp_devices::embedded::{
-    CycleStatistics, DriverOptions, EmbeddedWam, LinkMode, NodeOptions, PeriodicTimer, WamNode,
-};
+use yarp_devices::embedded::{DriverOptions, EmbeddedWam, LinkMode, NodeOptions, WamNode};
+use yarp_devices::periodic_timer::{CycleStatistics, MissedCycles, PeriodicTimer};
 use yarp_devices::wam::{DynamicWam, SimulatedWam};
 use yarp_devices::{Axes, Device, Encoders, PositionControl};
 
@@ -139,6 +138,7 @@ fn run(words: &Words) -> Result<bool, Failure> {
     let ours = CycleStatistics {
         cycles: ours.cycles - before.cycles,
         missed: ours.missed - before.missed,
+        late: ours.late - before.late,
         // Since the start of the driver: a later maximum is not known.
         longest: ours.longest,
     };
@@ -212,19 +212,19 @@ fn run_periodically(
     period: Duration,
     mut what: impl FnMut() -> std::io::Result<()>,
 ) -> Result<CycleStatistics, Failure> {
-    let mut pace = PeriodicTimer::new(Instant::now(), period);
-    while pace.next() < end {
+    let mut timer = PeriodicTimer::new(Instant::now(), period, MissedCycles::Skip);
+    while timer.next() < end {
         loop {
             let now = Instant::now();
-            if now >= pace.next() {
+            if now >= timer.next() {
                 break;
             }
-            thread::park_timeout(pace.next() - now);
+            thread::park_timeout(timer.next() - now);
         }
         what()?;
-        pace.done(Instant::now());
+        timer.done(Instant::now());
     }
-    Ok(pace.timing())
+    Ok(timer.statistics())
 }
 
 /// Exchanges as many bytes as a request for the joints, without any protocol.

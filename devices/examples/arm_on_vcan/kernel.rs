@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use socketcan::{CanError, CanErrorFrame, CanFrame as KernelFrame, CanSocket, Socket};
 use yarp_devices::can::{BusError, CanBus, CanFrame, SocketCan};
+use yarp_devices::pseudo_random::Random;
 use yarp_devices::simulation::{SimulatedPucks, SimulatorOptions, serve_pucks};
 use yarp_devices::wam::WamModel;
 use yarp_devices::wam::can::OpenBus;
@@ -125,13 +126,11 @@ fn noise_of_others_moves_nothing(rig: &dyn Rig) {
         let quiet = Arc::clone(&quiet);
         move || {
             let mut bus = open().expect("the interface is up");
-            let mut number = 1_u64;
+            let mut random = Random::new(1);
             let mut sent = 0_u64;
             while !quiet.load(Ordering::Acquire) {
-                // Marsaglia's xorshift: any frames will do.
-                number ^= number << 13;
-                number ^= number >> 7;
-                number ^= number << 17;
+                // Any frames will do.
+                let number = random.bits();
                 let bytes = number.to_le_bytes();
                 // Senders that no arm has, so that no node is commanded.
                 let id = 0x200 | (number >> 40) as u16 & 0x5FF;

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use nalgebra::Vector3;
 
@@ -13,15 +13,16 @@ use super::arm_adapter::ArmAdapter;
 use super::cartesian_settings::{Reach, Settings};
 use super::tool_motion::{Motion, Progress};
 use crate::clock::wall_clock;
-use crate::iface::EVENTS_KEPT;
 use crate::kinematics::{Chain, Joints, Pose, Task};
-use crate::wam::periodic_timer::PeriodicTimer;
+use crate::periodic_timer::{MissedCycles, PeriodicTimer};
 use crate::{CartesianEvent, CartesianInfo, Device, DeviceError};
 
 /// Stock's default.
 const PERIOD: Duration = Duration::from_millis(10);
 /// The protocol version that clients query.
 const SERVER_VERSION: &str = "2.0";
+/// Maximum number of queued events for a receiver that does not read.
+const MAX_QUEUED_EVENTS: usize = 256;
 /// Maximum number of stored contexts: a client that keeps storing does not fill the memory.
 const MAX_CONTEXTS: usize = 1000;
 
@@ -197,8 +198,8 @@ impl<const N: usize> Shared<N> {
     }
 
     fn run(&self, period: Duration) {
-        let mut pace = PeriodicTimer::without_catch_up(period);
-        while pace.wait(|| self.ending.load(Ordering::Acquire)) {
+        let mut timer = PeriodicTimer::new(Instant::now(), period, MissedCycles::Restart);
+        while timer.wait(|| self.ending.load(Ordering::Acquire)) {
             // After a pause of the machine a motion continues from where it was: it does not jump.
             self.lock().cycle(self, period.as_secs_f64());
         }
@@ -410,7 +411,7 @@ impl<const N: usize> State<N> {
     }
 
     pub(super) fn listen(&mut self) -> Receiver<CartesianEvent> {
-        let (sender, receiver) = sync_channel(EVENTS_KEPT);
+        let (sender, receiver) = sync_channel(MAX_QUEUED_EVENTS);
         self.listeners.push(sender);
         receiver
     }

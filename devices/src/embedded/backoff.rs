@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// Returns the pause before the next attempt: each twice as long as the previous one, up to a maximum.
+/// Pauses before attempts, each twice as long as the previous one, up to a maximum.
 #[derive(Debug)]
 pub(super) struct Backoff {
     first: Duration,

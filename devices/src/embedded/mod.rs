@@ -59,14 +59,12 @@
 //! 11. When the connection breaks, or is idle for long, the server stops the move and holds. No reconnection resumes it.
 
 mod backoff;
-mod cycle_timer;
 mod driver;
 mod link_error;
 mod link_setup;
 mod node;
 pub mod protocol;
 
-pub use cycle_timer::{CycleStatistics, PeriodicTimer};
 pub use driver::{CartesianPose, DriverOptions, EmbeddedWam, LinkState, LinkStatus};
 pub use link_setup::{ARM_PORT, LinkAddresses, LinkMode, PACKET_PORT};
 pub use node::{NodeOptions, NodeStatus, WamNode};

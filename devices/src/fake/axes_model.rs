@@ -69,6 +69,7 @@ impl AxesModel {
     /// back; it does not jump.
     ///
     /// Errors: [`DeviceError::NoSuchAxis`].
+    #[cfg(feature = "barrett")]
     pub(crate) fn place_measured(
         &mut self,
         axis: AxisIndex,

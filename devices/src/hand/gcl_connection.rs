@@ -1,8 +1,7 @@
 //! Operations of a hand in terms of commands: the same for a hand on a serial line and one behind a server.
 
-use super::gcl::{Command, Motor, MotorSet, Parameter, Reply, Verb};
+use super::gcl::{Command, Motor, MotorSet, Parameter, Reply, Scope, Verb};
 use super::hand_error::HandError;
-use super::serial_driver::check_characters;
 use super::{grasp, units};
 use crate::{Axes, DeviceError, Grasp, GraspKind, Hand};
 
@@ -155,5 +154,31 @@ impl<L: GclConnection> Grasp for L {
         let found = self.finger_positions()?;
         let difference = |motor: usize| expected[motor].map_or(0.0, |wanted| found[motor] - wanted);
         Ok(std::array::from_fn(difference))
+    }
+}
+
+/// Checks that a line typed by a person may be passed on.
+///
+/// Errors: [`HandError::NotSent`] for text that is not a single line, and for commands that change the use of the
+/// line.
+pub(super) fn check_characters(text: &str) -> Result<(), HandError> {
+    let refuse = |why| {
+        Err(HandError::NotSent {
+            command: text.escape_debug().to_string(),
+            why,
+        })
+    };
+    if text.len() > 255 || !text.bytes().all(|byte| (b' '..=b'~').contains(&byte)) {
+        return refuse("it must be one line of printable ASCII, up to 255 characters");
+    }
+    match Command::parse(text).map(|command| command.verb) {
+        Ok(Verb::Loop) => refuse("RealTime has its own calls"),
+        Ok(Verb::Set(Scope::Hand, pairs))
+            if pairs.iter().any(|(each, _)| each.name() == "BAUD") =>
+        {
+            refuse("the speed of the line is changed at both ends at once, by its own call")
+        }
+        // Whatever else it is, the hand judges it.
+        _ => Ok(()),
     }
 }

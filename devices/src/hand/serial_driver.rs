@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 
 use tracing::{debug, info, warn};
 
-use super::gcl::{ABORT, Command, Layout, PROMPT, Reply, ReplyError, ReplyReader, Scope, Verb};
+use super::gcl::{ABORT, Command, Layout, PROMPT, Reply, ReplyError, ReplyReader, Verb};
 use super::gcl_connection::GclConnection;
 use super::hand_error::HandError;
 use super::realtime_session::RealTimeSession;
@@ -619,31 +619,5 @@ pub(super) fn judge(text: &str, reply: Reply) -> Result<Reply, HandError> {
             status,
             answer: reply.text,
         }),
-    }
-}
-
-/// Checks that a line typed by a person may be passed on.
-///
-/// Errors: [`HandError::NotSent`] for text that is not a single line, and for commands that change the use of the
-/// line.
-pub(super) fn check_characters(text: &str) -> Result<(), HandError> {
-    let refuse = |why| {
-        Err(HandError::NotSent {
-            command: text.escape_debug().to_string(),
-            why,
-        })
-    };
-    if text.len() > 255 || !text.bytes().all(|byte| (b' '..=b'~').contains(&byte)) {
-        return refuse("it must be one line of printable ASCII, up to 255 characters");
-    }
-    match Command::parse(text).map(|command| command.verb) {
-        Ok(Verb::Loop) => refuse("RealTime has its own calls"),
-        Ok(Verb::Set(Scope::Hand, pairs))
-            if pairs.iter().any(|(each, _)| each.name() == "BAUD") =>
-        {
-            refuse("the speed of the line is changed at both ends at once, by its own call")
-        }
-        // Whatever else it is, the hand judges it.
-        _ => Ok(()),
     }
 }

@@ -183,9 +183,6 @@ pub trait CartesianControl: Send + Sync {
     fn events(&self) -> Result<Receiver<CartesianEvent>, DeviceError>;
 }
 
-/// Maximum number of queued events for a receiver that does not read.
-pub(crate) const EVENTS_KEPT: usize = 256;
-
 /// A position and an orientation: metres, an axis of any length above 0, and an angle in rad.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TaskPose {

@@ -207,7 +207,6 @@ pub use audio_grabber::AudioGrabber;
 pub use audio_render::AudioRender;
 pub use axis_info::{AxisInfo, JointType};
 pub use battery::{Battery, BatteryReading, BatteryStatus};
-pub(crate) use cartesian_control::EVENTS_KEPT;
 pub use cartesian_control::{
     CartesianControl, CartesianEvent, CartesianInfo, PoseSolution, Priority, StampedPose, Target,
     TaskPose, TaskVelocity, TweakChange, Tweaks,

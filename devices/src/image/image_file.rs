@@ -1,29 +1,25 @@
 //! Images in files: PPM and PGM (the binary forms P6 and P5), PNG, JPEG.
 //!
 //! The size in a file's header is compared with the file's content, or bounded, before memory is allocated. Source:
-//! netpbm's `ppm(5)` and `pgm(5)`.
+//! netpbm's `ppm(5)` and `pgm(5)`. PNG and JPEG need the feature `image-files`.
 
 use std::error::Error;
-use std::io::Cursor;
 use std::path::Path;
 
-use zune_jpeg::JpegDecoder;
-use zune_jpeg::zune_core::bytestream::ZCursor;
-use zune_jpeg::zune_core::colorspace::ColorSpace;
-use zune_jpeg::zune_core::options::DecoderOptions;
-
+#[cfg(feature = "image-files")]
+use super::compressed_image;
 use super::{Image, MAX_IMAGE_SIDE, PixelFormat};
 use crate::DeviceError;
 
 /// Maximum size of an image in memory, bytes: 256 MiB.
-const MAX_FILE_BYTES: usize = 1 << 28;
+pub(super) const MAX_FILE_BYTES: usize = 1 << 28;
 
 /// A defect of an image file.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 struct Malformed(String);
 
-type Reading = Result<Image, Box<dyn Error + Send + Sync>>;
+pub(super) type Reading = Result<Image, Box<dyn Error + Send + Sync>>;
 
 /// Reads an image from a file; its first bytes determine the format, not its name.
 ///
@@ -42,18 +38,24 @@ pub fn read(path: &Path) -> Result<Image, DeviceError> {
 pub fn decode(bytes: &[u8]) -> Result<Image, Box<dyn Error + Send + Sync>> {
     match bytes {
         [b'P', b'5' | b'6', ..] => netpbm(bytes),
-        [0x89, b'P', b'N', b'G', ..] => png(bytes),
-        [0xff, 0xd8, ..] => jpeg(bytes),
+        #[cfg(feature = "image-files")]
+        [0x89, b'P', b'N', b'G', ..] => compressed_image::png(bytes),
+        #[cfg(feature = "image-files")]
+        [0xff, 0xd8, ..] => compressed_image::jpeg(bytes),
+        #[cfg(not(feature = "image-files"))]
+        [0x89, b'P', b'N', b'G', ..] | [0xff, 0xd8, ..] => Err(malformed(
+            "this program was built without the feature image-files: it reads PPM and PGM only",
+        )),
         _ => Err(malformed("neither PPM, PGM, PNG nor JPEG")),
     }
 }
 
-fn malformed(what: impl Into<String>) -> Box<dyn Error + Send + Sync> {
+pub(super) fn malformed(what: impl Into<String>) -> Box<dyn Error + Send + Sync> {
     Box::new(Malformed(what.into()))
 }
 
 /// Refuses sizes that no camera has.
-fn check_size(width: usize, height: usize) -> Result<(), Box<dyn Error + Send + Sync>> {
+pub(super) fn check_size(width: usize, height: usize) -> Result<(), Box<dyn Error + Send + Sync>> {
     let sides = 1..=MAX_IMAGE_SIDE;
     if sides.contains(&width) && sides.contains(&height) && width * height <= MAX_FILE_BYTES / 4 {
         return Ok(());
@@ -101,59 +103,6 @@ fn netpbm(bytes: &[u8]) -> Reading {
         ))
     })?;
     Ok(Image::new(format, width, height, pixels.to_vec())?)
-}
-
-fn png(bytes: &[u8]) -> Reading {
-    let limits = png::Limits {
-        bytes: MAX_FILE_BYTES,
-    };
-    let mut decoder = png::Decoder::new_with_limits(Cursor::new(bytes), limits);
-    // Palettes become colours, 16 bits become 8.
-    decoder.set_transformations(png::Transformations::EXPAND | png::Transformations::STRIP_16);
-    let mut reader = decoder.read_info()?;
-    let (width, height) = (reader.info().width as usize, reader.info().height as usize);
-    check_size(width, height)?;
-    let size = reader
-        .output_buffer_size()
-        .filter(|size| *size <= MAX_FILE_BYTES)
-        .ok_or_else(|| malformed("too large a picture"))?;
-    let mut pixels = vec![0; size];
-    let info = reader.next_frame(&mut pixels)?;
-    pixels.truncate(info.buffer_size());
-    let (format, pixels) = match info.color_type {
-        png::ColorType::Grayscale => (PixelFormat::Mono, pixels),
-        png::ColorType::GrayscaleAlpha => (PixelFormat::Mono, without_opacity(&pixels, 2)),
-        png::ColorType::Rgba => (PixelFormat::Rgb, without_opacity(&pixels, 4)),
-        _ => (PixelFormat::Rgb, pixels),
-    };
-    Ok(Image::new(format, width, height, pixels)?)
-}
-
-/// Pixels without their last channel.
-fn without_opacity(pixels: &[u8], channels: usize) -> Vec<u8> {
-    let colours = pixels.chunks_exact(channels);
-    colours
-        .flat_map(|pixel| &pixel[..channels - 1])
-        .copied()
-        .collect()
-}
-
-fn jpeg(bytes: &[u8]) -> Reading {
-    let options = DecoderOptions::default().jpeg_set_out_colorspace(ColorSpace::RGB);
-    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
-    let refused = |error| malformed(format!("no JPEG picture: {error:?}"));
-    decoder.decode_headers().map_err(refused)?;
-    let (width, height) = decoder.dimensions().unwrap_or_default();
-    check_size(width, height)?;
-    // A block of 8 x 8 pixels takes a bit at least.
-    if width * height > bytes.len().saturating_mul(512) {
-        return Err(malformed(format!(
-            "{} bytes claim {width} x {height} pixels",
-            bytes.len()
-        )));
-    }
-    let pixels = decoder.decode().map_err(refused)?;
-    Ok(Image::new(PixelFormat::Rgb, width, height, pixels)?)
 }
 
 #[cfg(test)]

@@ -1,14 +1,14 @@
 //! The arm with masses and friction, run in real time.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use tracing::warn;
 
 use super::arm_device::{ArmDevice, Shared};
-use super::periodic_timer::PeriodicTimer;
 use super::{AXES, DynamicArm, WamModel};
 use crate::DeviceError;
 use crate::kinematics::Joints;
+use crate::periodic_timer::{MissedCycles, PeriodicTimer};
 use crate::simulation::SimulatorOptions;
 
 /// A simulated seven-joint WAM arm that behaves like the machine: see [`DynamicArm`].
@@ -77,9 +77,9 @@ fn run(
     period: Duration,
     mut surroundings: impl FnMut(&Joints<AXES>) -> Option<Joints<AXES>>,
 ) {
-    let mut pace = PeriodicTimer::new(period);
+    let mut timer = PeriodicTimer::new(Instant::now(), period, MissedCycles::CatchUp);
     let mut fault = None;
-    while pace.wait(|| shared.is_ending()) {
+    while timer.wait(|| shared.is_ending()) {
         let mut timed = shared.lock();
         timed.arm.tick();
         timed.stamp();

@@ -15,7 +15,6 @@ pub mod can;
 mod dynamic_arm;
 mod dynamic_variables;
 mod dynamic_wam;
-pub(crate) mod periodic_timer;
 mod simulated_wam;
 mod simulated_wam_motors;
 mod transmission;

@@ -4,8 +4,7 @@
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::sync::Arc;
-use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use yarp_devices::embedded::protocol::{ARM, Packet, Reply, Request, RequestReader, TRAJECTORY};
 use yarp_devices::embedded::{
@@ -13,19 +12,11 @@ use yarp_devices::embedded::{
 };
 use yarp_devices::wam::SimulatedWam;
 use yarp_devices::{Axes, Device, Encoders, PositionControl};
+#[allow(unused_imports, reason = "each test file uses a part of it")]
+pub(crate) use yarp_testing::eventually;
 
 /// Longer than anything here takes on a busy machine.
 pub(crate) const TEST_TIMEOUT: Duration = Duration::from_secs(60);
-
-/// Waits until `condition` holds.
-#[track_caller]
-pub(crate) fn eventually(what: &str, mut condition: impl FnMut() -> bool) {
-    let deadline = Instant::now() + TEST_TIMEOUT;
-    while !condition() {
-        assert!(Instant::now() < deadline, "{what} did not come");
-        thread::sleep(Duration::from_millis(1));
-    }
-}
 
 /// A driver that waits on free ports, patient with a busy machine and quick to come back.
 pub(crate) fn driver_options(link_mode: LinkMode) -> DriverOptions {

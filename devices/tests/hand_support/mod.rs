@@ -5,12 +5,14 @@
     reason = "each test file uses a part of it"
 )]
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use tempfile::TempDir;
 use yarp_devices::Hand;
 use yarp_devices::hand::simulated::{SimulatedHand, SimulatedHandOptions};
 use yarp_devices::hand::{BarrettHand, HandOptions};
+#[allow(unused_imports, reason = "each test file uses a part of it")]
+pub use yarp_testing::eventually;
 
 /// Long enough for a machine whose CPU is taken away for seconds.
 pub const TEST_TIMEOUT: Duration = Duration::from_secs(60);
@@ -57,14 +59,5 @@ impl Stage {
         let hand = self.open();
         hand.initialise().expect("nothing is in its way");
         hand
-    }
-}
-
-/// Waits until something is true.
-pub fn eventually(what: &str, mut is: impl FnMut() -> bool) {
-    let deadline = Instant::now() + TEST_TIMEOUT;
-    while !is() {
-        assert!(Instant::now() < deadline, "never came: {what}");
-        std::thread::sleep(Duration::from_millis(2));
     }
 }

@@ -2,6 +2,7 @@ use std::net::Ipv4Addr;
 use std::time::Duration;
 
 use proptest::prelude::*;
+use yarp_wire::bottle::{Bottle, Value};
 use yarp_wire::name_service::END;
 
 use super::*;
@@ -558,14 +559,40 @@ fn topics_connect_their_ports() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
 
+    /// Whatever is registered, set or subscribed, every line of `list` stays a registration, and every
+    /// name in it can be looked up and removed.
     #[test]
-    fn any_text_is_answered(lines in prop::collection::vec(".{0,60}", 0..20)) {
+    fn arbitrary_arguments_do_not_damage_the_list(requests in prop::collection::vec(arbitrary(), 1..20)) {
         let mut asked = Asked::new();
-        for line in lines {
-            let Ok(request) = Request::parse(&line) else { continue };
-            let body = asked.registry.handle(asked.now, None, &request).body;
+        for (command, arguments) in requests {
+            let mut request = Bottle::of(command);
+            request.extend(arguments.iter().map(|argument| Value::from(argument.as_str())));
+            let body = asked.reply(&request.to_string()).body;
             check_shape(&body)?;
         }
+        let Body::Lines(listed) = asked.reply("list").body else { unreachable!() };
+        prop_assert_eq!(listed.len(), asked.registry.registrations().count() + 1);
+        for line in &listed[..listed.len() - 1] {
+            let Ok(held) = line.parse::<Registration>() else {
+                return Err(TestCaseError::fail(format!("not a registration: {line:?}")));
+            };
+            let Body::Lines(found) = asked.reply(&format!("query {}", held.name)).body else { unreachable!() };
+            prop_assert_eq!(&found[0], line);
+        }
+    }
+
+    /// A first word that is no command changes nothing and is answered by the closing line alone.
+    #[test]
+    fn text_that_is_no_command_changes_nothing(line in "[^ a-z/]{0,20}( [^\"]{0,20})?") {
+        let mut asked = Asked::after(&["register /a tcp h 1", "set /a note kept"]);
+        let before: Vec<_> = asked.registry.registrations().cloned().collect();
+        let Ok(request) = Request::parse(&line) else { return Ok(()) };
+        let reply = asked.registry.handle(asked.now, None, &request);
+        prop_assert_eq!(reply.body, Body::Lines(vec![END.to_owned()]));
+        prop_assert!(reply.effects.is_empty());
+        let after: Vec<_> = asked.registry.registrations().cloned().collect();
+        prop_assert_eq!(before, after);
+        asked.check("get /a note", "port /a property note = kept|.");
     }
 
     #[test]
@@ -604,6 +631,25 @@ fn check_shape(body: &Body) -> Result<(), TestCaseError> {
         );
     }
     Ok(())
+}
+
+/// Generates a command that changes something, and arguments of any text.
+fn arbitrary() -> impl Strategy<Value = (&'static str, Vec<String>)> {
+    let command = prop::sample::select(vec![
+        "register",
+        "set",
+        "subscribe",
+        "topic",
+        "announce",
+        "unregister",
+    ]);
+    let argument = prop_oneof![
+        "/[a-c]",
+        "/[ -~]{0,12}",
+        ".{0,20}",
+        "[0-9\r\n\"(){}\\[\\] -]{0,6}",
+    ];
+    (command, prop::collection::vec(argument, 0..5))
 }
 
 fn words() -> impl Strategy<Value = String> {

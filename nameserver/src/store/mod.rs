@@ -2,17 +2,21 @@
 //!
 //! | file | content |
 //! | --- | --- |
-//! | `sqlite` | one file on this machine |
+//! | `sqlite` | one file on this machine (feature `sqlite`) |
 //! | `journal` | the thread that writes, many requests at a time |
 
 mod journal;
+#[cfg(feature = "sqlite")]
 mod sqlite;
 
-use std::path::{Path, PathBuf};
+#[cfg(feature = "sqlite")]
+use std::path::Path;
+use std::path::PathBuf;
 
 use crate::registry::Change;
 
 pub(crate) use journal::{Journal, StoreResult};
+#[cfg(feature = "sqlite")]
 pub use sqlite::{Durability, SqliteStore};
 
 /// Persistent storage of changes.
@@ -33,6 +37,9 @@ pub trait Store: Send + 'static {
     fn maintain(&mut self) {}
 }
 
+/// Error that a database reports.
+type DatabaseError = Box<dyn std::error::Error + Send + Sync>;
+
 /// Error of a store.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -50,8 +57,8 @@ pub enum StoreError {
     Open {
         /// File.
         path: PathBuf,
-        /// Error of SQLite.
-        source: rusqlite::Error,
+        /// Error of the database.
+        source: DatabaseError,
     },
     /// Another process uses the database.
     #[error("the database {} is in use: another name server runs on it; end that one, or choose another file with --portdb", path.display())]
@@ -91,11 +98,12 @@ pub enum StoreError {
         path: PathBuf,
         /// `written` or `read`.
         step: &'static str,
-        /// Error of SQLite.
-        source: rusqlite::Error,
+        /// Error of the database.
+        source: DatabaseError,
     },
 }
 
+#[cfg(feature = "sqlite")]
 impl StoreError {
     /// Converts an SQLite error that occurred while `step` was done with the file at `path`.
     fn of(path: &Path, step: &'static str, source: rusqlite::Error) -> Self {
@@ -111,9 +119,19 @@ impl StoreError {
                 path,
                 reason: source.to_string(),
             },
-            Some(CannotOpen) => Self::Open { path, source },
-            _ if step == "opened" => Self::Open { path, source },
-            _ => Self::Failed { path, step, source },
+            Some(CannotOpen) => Self::Open {
+                path,
+                source: source.into(),
+            },
+            _ if step == "opened" => Self::Open {
+                path,
+                source: source.into(),
+            },
+            _ => Self::Failed {
+                path,
+                step,
+                source: source.into(),
+            },
         }
     }
 }

@@ -53,13 +53,11 @@ pub use namespaces::{DEFAULT_NAMESPACE, file_name, parse_namespaces, print_names
 pub use resource_finder::{Disk, ResourceFinder};
 use yarp_wire::auth::Key;
 use yarp_wire::http::Gate;
+pub use yarp_wire::name_service::DEFAULT_PORT;
 
 use crate::own_names;
 use crate::roles::{self, Roles};
 use crate::tls::{self, Tls};
-
-/// Default TCP port of the name server, and UDP port of multicast detection.
-pub const DEFAULT_PORT: u16 = 10000;
 
 /// The content of the files and the environment.
 #[derive(Clone, Debug)]

@@ -6,11 +6,11 @@ use yarp_wire::admin::{AdminRequest, Direction};
 use yarp_wire::carrier::Carrier;
 use yarp_wire::{Bottle, Limits, Value, Vocab32, WireVersion};
 
-use super::core::Core;
+use super::admin_reply::{counted, fail, group, ok, pair, scheduling};
+use super::administration::Administration;
 use super::monitor::{Attached, Chain, MonitorSide};
 use super::port_options::{Input, Outputs, Serving};
 use super::pray_command;
-use super::socket_qos::scheduling;
 use crate::limits::{MAX_PROPERTIES, MAX_PROPERTY_BYTES};
 use crate::log_text::printable;
 use crate::roles::{self, Right};
@@ -98,10 +98,10 @@ fn as_parsed_by(request: &Bottle, wire_version: WireVersion) -> Bottle {
     request.iter().map(cut).collect()
 }
 
-impl Core {
+impl Administration {
     /// Returns the right that a peer needs for its request; `None` for requests that any peer may send.
     pub(super) fn required_right(&self, request: &Bottle) -> Option<Right> {
-        required_right(&as_parsed_by(request, self.options.wire_version))
+        required_right(&as_parsed_by(request, self.port.options.wire_version))
     }
 
     /// Returns whether a request changes monitors, or the scheduling of connections and processes.
@@ -111,18 +111,18 @@ impl Core {
     ///
     /// [`PortOptions::deny_modification`]: crate::PortOptions::deny_modification
     pub(super) fn modifies(&self, request: &Bottle) -> bool {
-        match AdminRequest::parse(&as_parsed_by(request, self.options.wire_version)) {
+        match AdminRequest::parse(&as_parsed_by(request, self.port.options.wire_version)) {
             AdminRequest::Attach(..) | AdminRequest::Detach(_) => true,
             AdminRequest::SetProperty(key, groups) => {
-                key == self.name && groups.find_group("process").is_some()
+                key == self.port.name && groups.find_group("process").is_some()
             }
             _ => false,
         }
     }
 
     /// Returns the answer to an admin request.
-    pub(super) async fn administer(self: &Arc<Self>, request: &Bottle) -> Bottle {
-        let request = as_parsed_by(request, self.options.wire_version);
+    pub(super) async fn administer(&self, request: &Bottle) -> Bottle {
+        let request = as_parsed_by(request, self.port.options.wire_version);
         match AdminRequest::parse(&request) {
             AdminRequest::Help => {
                 let mut answer = Bottle::of(Vocab32::MANY);
@@ -164,7 +164,7 @@ impl Core {
                 version_probe::EITHER_VERSION.into(),
             ]),
             AdminRequest::Pray => {
-                let lines = pray_command::pray(&self.name);
+                let lines = pray_command::pray(&self.port.name);
                 lines.into_iter().map(Value::from).collect()
             }
             // The answer of a port outside any ROS graph.
@@ -172,17 +172,17 @@ impl Core {
                 Bottle::from_iter([Value::Int32(1), "ok".into()])
             }
             AdminRequest::RequestTopic if self.is_of_3() => {
-                let number = i32::from(self.number).into();
-                let place = ["TCPROS".into(), self.host.as_str().into(), number];
+                let number = i32::from(self.port.number).into();
+                let place = ["TCPROS".into(), self.port.host.as_str().into(), number];
                 let place = Bottle::from_iter(place).into();
-                Bottle::from_iter([1.into(), self.name.as_str().into(), place])
+                Bottle::from_iter([1.into(), self.port.name.as_str().into(), place])
             }
             AdminRequest::BusInfo if self.is_of_3() => {
                 let none = Bottle::of(Bottle::new()).into();
                 Bottle::from_iter([1.into(), "".into(), none])
             }
             _ => {
-                let own = self.options.admin.as_ref();
+                let own = self.port.options.admin.as_ref();
                 let own = own.and_then(|admin| admin(&request));
                 own.unwrap_or_else(|| fail("send [help] for list of valid commands"))
             }
@@ -195,7 +195,7 @@ impl Core {
     }
 
     fn is_of_3(&self) -> bool {
-        self.options.wire_version == WireVersion::V3
+        self.port.options.wire_version == WireVersion::V3
     }
 
     async fn remove(&self, name: &str) -> Bottle {
@@ -211,14 +211,14 @@ impl Core {
     fn names(&self, direction: Direction) -> Bottle {
         match direction {
             Direction::In => {
-                let inputs = self.inputs();
+                let inputs = self.connections.inputs();
                 inputs
                     .iter()
                     .map(|input| input.from.as_str().into())
                     .collect()
             }
             Direction::Out => {
-                let outputs = self.outputs();
+                let outputs = self.connections.outputs();
                 outputs
                     .iter()
                     .map(|output| output.to.as_str().into())
@@ -243,15 +243,25 @@ impl Core {
         };
         match direction {
             Direction::In => {
-                for input in self.inputs().iter().filter(|input| input.from == name) {
+                for input in self
+                    .connections
+                    .inputs()
+                    .iter()
+                    .filter(|input| input.from == name)
+                {
                     let (from, text) = (&input.from, &input.carrier_text);
-                    add(from, &self.name, text, input.carrier);
+                    add(from, &self.port.name, text, input.carrier);
                 }
             }
             Direction::Out => {
-                for output in self.outputs().iter().filter(|output| output.to == name) {
+                for output in self
+                    .connections
+                    .outputs()
+                    .iter()
+                    .filter(|output| output.to == name)
+                {
                     let (to, text) = (&output.to, &output.carrier_text);
-                    add(&self.name, to, text, output.carrier);
+                    add(&self.port.name, to, text, output.carrier);
                 }
             }
         }
@@ -264,14 +274,14 @@ impl Core {
     fn attach(&self, direction: Direction, what: &str) -> Bottle {
         let (side, attached) = self.attached(direction);
         attached.put(None);
-        match self.attachment(side, what) {
+        match self.dispatcher.monitors().attachment(side, what) {
             Ok(chain) => {
                 attached.put(Some(chain));
                 ok()
             }
             Err(error) => {
                 let reason = error.to_string();
-                tracing::warn!(port = %self.name, "no monitor is attached: {}", printable(&reason));
+                tracing::warn!(port = %self.port.name, "no monitor is attached: {}", printable(&reason));
                 fail("Failed to configure the portmonitor plug-in").with(error.to_string())
             }
         }
@@ -279,8 +289,8 @@ impl Core {
 
     fn attached(&self, direction: Direction) -> (MonitorSide, &Attached) {
         match direction {
-            Direction::In => (MonitorSide::Receive, &self.attached_in),
-            Direction::Out => (MonitorSide::Send, &self.attached_out),
+            Direction::In => (MonitorSide::Receive, &self.dispatcher.attached_in),
+            Direction::Out => (MonitorSide::Send, &self.dispatcher.attached_out),
         }
     }
 
@@ -300,7 +310,7 @@ impl Core {
                 if let Some(chain) = chain {
                     chain.set(parameters);
                 }
-                match name == self.name {
+                match name == self.port.name {
                     true => ok(),
                     false => counted(Ok(format!("Configured connection {way} {name}\r\n"))),
                 }
@@ -331,17 +341,17 @@ impl Core {
         };
         let (found, place, way) = match direction {
             Direction::In => {
-                let inputs = self.inputs();
+                let inputs = self.connections.inputs();
                 let found = inputs.iter().find(|input| input.from == name);
                 (found.map(|input| input.monitors.clone()), "input", "from")
             }
             Direction::Out => {
-                let outputs = self.outputs();
+                let outputs = self.connections.outputs();
                 let found = outputs.iter().find(|output| output.to == name);
                 (found.map(|output| output.monitors.clone()), "output", "to")
             }
         };
-        if name == self.name {
+        if name == self.port.name {
             return match self.attached(direction).1.chain() {
                 Some(chain) => Ok((name, Some(chain))),
                 None => Err(fail(&format!(
@@ -368,7 +378,7 @@ impl Core {
                 })
                 .collect();
         };
-        if key == self.name {
+        if key == self.port.name {
             return self.own_properties();
         }
         if key.starts_with('/') {
@@ -380,7 +390,7 @@ impl Core {
             Some((_, values)) => values.clone(),
             None if key == "counters" => {
                 drop(properties);
-                self.counters().to_bottle()
+                self.dispatcher.counters().to_bottle()
             }
             None => Bottle::new(),
         }
@@ -422,10 +432,10 @@ impl Core {
         let mut words = std::env::args_os().map(|word| word.to_string_lossy().into_owned());
         let program = words.next().unwrap_or_default();
         let arguments: Vec<String> = words.collect();
-        let is_input =
-            self.options.outputs != Outputs::One || !matches!(self.options.input, Input::Discard);
-        let is_rpc = matches!(self.options.input, Input::Queue(_, Serving::Replies))
-            || self.options.outputs == Outputs::One;
+        let is_input = self.port.options.outputs != Outputs::One
+            || !matches!(self.port.options.input, Input::Discard);
+        let is_rpc = matches!(self.port.options.input, Input::Queue(_, Serving::Replies))
+            || self.port.options.outputs == Outputs::One;
         let number = |flag: bool| i32::from(flag);
         let schedule = Schedule::now().unwrap_or_default();
         Bottle::from_iter([
@@ -442,44 +452,28 @@ impl Core {
             ),
             group(
                 "platform",
-                [pair("hostname", self.host.as_str()), pair("os", "Linux")],
+                [
+                    pair("hostname", self.port.host.as_str()),
+                    pair("os", "Linux"),
+                ],
             ),
             group(
                 "port",
                 [
                     pair("is_input", number(is_input)),
-                    pair("is_output", number(self.options.outputs != Outputs::None)),
+                    pair(
+                        "is_output",
+                        number(self.port.options.outputs != Outputs::None),
+                    ),
                     pair("is_rpc", number(is_rpc)),
-                    pair("type", self.options.type_name.clone().unwrap_or_default()),
+                    pair(
+                        "type",
+                        self.port.options.type_name.clone().unwrap_or_default(),
+                    ),
                 ],
             ),
         ])
     }
-}
-
-pub(super) fn ok() -> Bottle {
-    Bottle::of(Vocab32::OK)
-}
-
-pub(super) fn fail(reason: &str) -> Bottle {
-    Bottle::from_iter([Vocab32::FAIL.into(), reason.into()])
-}
-
-/// `0 TEXT` or `-1 TEXT`.
-fn counted(result: Result<String, String>) -> Bottle {
-    let (code, text) = match result {
-        Ok(text) => (0, text),
-        Err(text) => (-1, text),
-    };
-    Bottle::from_iter([Value::Int32(code), text.into()])
-}
-
-pub(super) fn pair(key: &str, value: impl Into<Value>) -> Value {
-    Bottle::from_iter([key.into(), value.into()]).into()
-}
-
-pub(super) fn group<const N: usize>(key: &str, pairs: [Value; N]) -> Value {
-    pair(key, Value::Dictionary(Bottle::from_iter(pairs)))
 }
 
 #[cfg(test)]

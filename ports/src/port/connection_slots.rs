@@ -15,8 +15,8 @@ use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU64};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
-use super::core::is_port;
 use super::dedicated_thread::ConnectionControl;
+use super::port_context::is_port;
 use super::send_queue::SendQueue;
 use crate::error::PortError;
 use crate::limits;

@@ -18,12 +18,10 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
-use std::time::SystemTime;
 
 use yarp_wire::{Bottle, Stamp, Value};
 
-use super::admin_commands::pair;
-use super::core::Core;
+use super::admin_reply::pair;
 
 /// The counters of a port since it was opened.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -260,7 +258,7 @@ impl Meter {
         }
     }
 
-    fn stamp(&self) -> Option<Stamp> {
+    pub(super) fn stamp(&self) -> Option<Stamp> {
         let newest = self.newest.lock().unwrap_or_else(PoisonError::into_inner);
         newest.stamp()
     }
@@ -271,68 +269,6 @@ impl Meter {
 pub(crate) struct Ended {
     pub(crate) received: Traffic,
     pub(crate) sent: Traffic,
-}
-
-impl Core {
-    pub(crate) fn counters(&self) -> PortCounters {
-        let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
-        let now = now.map_or(0.0, |now| now.as_secs_f64());
-        let age = |stamp: Option<Stamp>| stamp.map(|stamp| now - stamp.time);
-        let outputs = self.outputs();
-        let inputs = self.inputs();
-        // A connection counts among the ended ones from the moment that it leaves the list.
-        let Ended {
-            mut received,
-            mut sent,
-        } = *self.ended();
-        let mut connections = Vec::new();
-        for input in inputs.iter() {
-            let (traffic, stamp) = (input.meter.traffic(), input.meter.stamp());
-            received.add(traffic);
-            connections.push(ConnectionCounters {
-                peer: input.from.clone(),
-                carrier: input.carrier_text.clone(),
-                incoming: true,
-                traffic,
-                queued: 0,
-                unanswered: 0,
-                stamp,
-                age: age(stamp),
-            });
-        }
-        for output in outputs.iter() {
-            let depth = output.send_queue.depth();
-            sent.add(depth.traffic);
-            connections.push(ConnectionCounters {
-                peer: output.to.clone(),
-                carrier: output.carrier_text.clone(),
-                incoming: false,
-                traffic: depth.traffic,
-                queued: depth.queued,
-                unanswered: depth.unanswered,
-                stamp: depth.stamp,
-                age: age(depth.stamp),
-            });
-        }
-        PortCounters {
-            received,
-            sent,
-            waiting: self
-                .receive_queue
-                .as_ref()
-                .map_or(0, |receive_queue| receive_queue.waiting()),
-            connections,
-        }
-    }
-
-    /// A message from connection `id` was dropped.
-    pub(crate) fn count_dropped(&self, id: u64) {
-        if let Some(entry) = self.inputs().iter().find(|entry| entry.id == id) {
-            entry.meter.drop_one();
-        } else {
-            self.ended().received.dropped += 1;
-        }
-    }
 }
 
 #[cfg(test)]

@@ -17,8 +17,8 @@ use yarp_wire::admin::{self, Direction};
 use yarp_wire::{Value, Vocab32};
 
 use super::connection_slots::KnownWriter;
-use super::core::Core;
 use super::counters::Meter;
+use super::port_context::PortContext;
 use crate::error::PortError;
 use crate::limits::UNKNOWN_WRITER_INTERVALS;
 use crate::network::Endpoint;
@@ -43,13 +43,13 @@ enum ProbeResult {
 
 /// Waits until the writer of a connection is gone; returns the reason.
 pub(super) async fn wait_until_gone(
-    core: &Core,
+    port: &PortContext,
     from: &str,
     meter: &Arc<Meter>,
     known: &KnownWriter,
 ) -> String {
-    let silence = core.options.datagram_timeout;
-    let mut endpoint = endpoint(core, from, known).await;
+    let silence = port.options.datagram_timeout;
+    let mut endpoint = endpoint(port, from, known).await;
     let mut unknown = 0;
     let mut heard = meter.traffic();
     let mut missed = 0;
@@ -70,11 +70,11 @@ pub(super) async fn wait_until_gone(
                     let seconds = silence.as_secs_f64() * f64::from(unknown);
                     return format!("nothing came for {seconds} s, and no name server knows it");
                 }
-                endpoint = self::endpoint(core, from, known).await;
+                endpoint = self::endpoint(port, from, known).await;
                 continue;
             }
         };
-        match probe(core, endpoint).await {
+        match probe(port, endpoint).await {
             ProbeResult::Connected => missed = 0,
             ProbeResult::Gone(reason) => return reason,
             ProbeResult::NotConnected(reason) => {
@@ -90,11 +90,11 @@ pub(super) async fn wait_until_gone(
 
 /// Returns the endpoint of the writer's port from the name server; `None` if the name is unknown.
 async fn endpoint(
-    core: &Core,
+    port: &PortContext,
     name: &str,
     known: &KnownWriter,
 ) -> Result<Option<Endpoint>, PortError> {
-    match core.network.query(name).await {
+    match port.network.query(name).await {
         Ok(endpoint) => {
             known.set();
             Ok(Some(endpoint))
@@ -105,12 +105,12 @@ async fn endpoint(
 }
 
 /// Asks the writer's port for its readers.
-async fn probe(core: &Core, endpoint: &Endpoint) -> ProbeResult {
+async fn probe(port: &PortContext, endpoint: &Endpoint) -> ProbeResult {
     let request = admin::list(Direction::Out, None);
-    let error = match remote_admin::administer(&core.network, endpoint, &request).await {
+    let error = match remote_admin::administer(&port.network, endpoint, &request).await {
         Ok(answer) => {
             let refuses = answer.get(0) == Some(&Vocab32::FAIL.into());
-            let knows_us = |value: &Value| value.as_str() == Some(&core.name);
+            let knows_us = |value: &Value| value.as_str() == Some(&port.name);
             return match refuses || answer.iter().any(knows_us) {
                 true => ProbeResult::Connected,
                 false => ProbeResult::NotConnected(format!(

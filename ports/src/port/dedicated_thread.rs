@@ -21,7 +21,7 @@ use tokio::runtime::{Builder, Handle, Runtime};
 use tokio::sync::watch;
 use tokio::task::{JoinError, JoinHandle};
 
-use super::socket_qos::SocketHandle;
+use super::socket_handle::SocketHandle;
 use crate::thread_schedule::{self, Schedule};
 
 /// A dedicated thread; it ends when the last reference is dropped.

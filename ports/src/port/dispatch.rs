@@ -2,15 +2,20 @@
 
 use std::sync::Arc;
 
-use super::core::Core;
-use super::log_modifier::LoggedMessage;
-use super::monitor::Chain;
+use super::connections::Connections;
+use super::counters::PortCounters;
+use super::log_modifier::{self, LoggedMessage};
+use super::monitor::{Arbiter, Attached, Chain, ChainBuilder};
+use super::port_context::PortContext;
 use super::port_options::{Input, Serving};
 use super::receive_queue::ReceiveQueue;
 use super::received_message::{Answer, Received, Reply};
-use super::reply_channel::ReplyReceiver;
+use super::reply_channel::{ReplyPool, ReplyReceiver};
 
 /// The state of a message after the part of its dispatch that does not wait.
+///
+/// Not a [`Ready`](yarp_wire::Ready): each variant waits for something else, the owner's answer or
+/// room in the queue.
 pub(super) enum Dispatched {
     Answered(Answer),
     /// The owner has it, and will answer.
@@ -19,7 +24,52 @@ pub(super) enum Dispatched {
     QueueFull(Received, Option<ReplyReceiver<Answer>>),
 }
 
-impl Core {
+/// Passes arriving messages through the monitors to the owner of the port.
+pub(crate) struct Dispatcher {
+    pub(super) port: Arc<PortContext>,
+    pub(super) connections: Arc<Connections>,
+    pub(crate) receive_queue: Option<ReceiveQueue>,
+    /// Pool of the channels on which connections wait for the owner's replies.
+    slots: ReplyPool<Answer>,
+    /// Selects the writer to accept among those with `recv.priority`.
+    arbiter: Arc<Arbiter>,
+    /// The monitors of everything written and everything read.
+    pub(super) attached_out: Attached,
+    pub(super) attached_in: Attached,
+}
+
+impl Dispatcher {
+    pub(crate) fn new(port: Arc<PortContext>, connections: Arc<Connections>) -> Self {
+        let receive_queue = match port.options.input {
+            Input::Queue(queue, _) => Some(ReceiveQueue::new(queue)),
+            _ => None,
+        };
+        Self {
+            port,
+            connections,
+            receive_queue,
+            slots: ReplyPool::default(),
+            arbiter: Arc::default(),
+            attached_out: Attached::default(),
+            attached_in: Attached::default(),
+        }
+    }
+
+    /// Returns the builder of the monitors of connections.
+    pub(super) fn monitors(&self) -> ChainBuilder<'_> {
+        ChainBuilder {
+            port: &self.port,
+            arbiter: &self.arbiter,
+        }
+    }
+
+    /// Returns the counters of the port.
+    pub(crate) fn counters(&self) -> PortCounters {
+        let receive_queue = self.receive_queue.as_ref();
+        self.connections
+            .counters(receive_queue.map_or(0, ReceiveQueue::waiting))
+    }
+
     /// Passes a message through the monitors of a connection and of the port; `None` if one stops
     /// it.
     async fn monitored(
@@ -40,7 +90,7 @@ impl Core {
 
     /// Returns whether messages that arrive have more to pass than the owner's queue.
     pub(super) fn is_watched(&self) -> bool {
-        self.is_logged() || self.attached_in.is_attached()
+        self.connections.is_logged() || self.attached_in.is_attached()
     }
 
     /// Passes a message through the monitors to the owner, and its copy to the loggers, unless the
@@ -55,10 +105,10 @@ impl Core {
         let Some(received) = self.monitored(monitors, received).await else {
             return (None, false);
         };
-        let copy = (self.is_logged() && !copies).then(|| LoggedMessage::of(&received));
+        let copy = (self.connections.is_logged() && !copies).then(|| LoggedMessage::of(&received));
         let (reply, last) = self.finish(self.dispatch(received)).await;
         if let Some(copy) = copy {
-            self.forward(&copy, reply.as_ref());
+            log_modifier::forward(&self.connections.loggers(), &copy, reply.as_ref());
         }
         (reply, last)
     }
@@ -67,7 +117,7 @@ impl Core {
     ///
     /// Messages that the queue drops are counted at their connections.
     pub(super) fn dispatch(&self, mut received: Received) -> Dispatched {
-        match &self.options.input {
+        match &self.port.options.input {
             Input::Discard => Dispatched::Answered(Answer::Nothing),
             Input::Handler(handler) => Dispatched::Answered(handler(&mut received)),
             Input::Queue(_, serving) => {
@@ -79,7 +129,9 @@ impl Core {
                 }
                 match self.queue().try_push(received) {
                     Ok(dropped) => {
-                        dropped.into_iter().for_each(|id| self.count_dropped(id));
+                        dropped
+                            .into_iter()
+                            .for_each(|id| self.connections.count_dropped(id));
                         answer.map_or(Dispatched::Answered(Answer::Nothing), Dispatched::Pending)
                     }
                     Err(received) => Dispatched::QueueFull(received, answer),
@@ -100,7 +152,7 @@ impl Core {
             Dispatched::Pending(asked) => Ok(asked),
             Dispatched::QueueFull(received, asked) => {
                 if let Some(id) = self.queue().push(received).await {
-                    self.count_dropped(id);
+                    self.connections.count_dropped(id);
                 }
                 asked.ok_or(Answer::Nothing)
             }

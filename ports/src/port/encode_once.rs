@@ -1,22 +1,13 @@
 //! Encoding of a message, once per form that its readers need.
 
-use std::cell::RefCell;
-
 use smallvec::SmallVec;
 use yarp_wire::WireVersion;
-use yarp_wire::message::{Command, Payload, Pieces, WireObject};
+use yarp_wire::message::{Command, Payload, WireObject};
 use yarp_wire::protocol::PayloadKind;
 
 use super::jpeg;
 use super::output::Output;
-
-/// A message in one form.
-#[derive(Clone, Debug)]
-pub(crate) struct Form {
-    pub(crate) pieces: Pieces,
-    /// The wire version that it is written for.
-    pub(crate) wire_version: WireVersion,
-}
+use crate::latency::{Form, Optimisation, keep_form, write_form};
 
 /// The kind of a form.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
@@ -55,7 +46,8 @@ impl<'a> Encoded<'a> {
 
     /// Returns the index of the form of this kind, encoding it at the first use.
     fn index(&mut self, kind: Kind, message: &impl WireObject, output: &Output) -> usize {
-        if let Some(index) = self.forms.iter().position(|(tried, _)| *tried == kind) {
+        let known = self.forms.iter().position(|(tried, _)| *tried == kind);
+        if let Some(index) = known.filter(|_| Optimisation::EncodeOnce.is_enabled()) {
             return index;
         }
         let form = match kind {
@@ -68,10 +60,10 @@ impl<'a> Encoded<'a> {
                 let binary = self.forms[binary].1.as_ref();
                 binary.and_then(|binary| self.jpeg(binary))
             }
-            Kind::Binary(wire_version) => Some(write(wire_version, |pieces| {
+            Kind::Binary(wire_version) => Some(write_form(wire_version, |pieces| {
                 message.write_pieces(pieces, wire_version);
             })),
-            Kind::Text(_) => Some(write(output.wire_version, |pieces| {
+            Kind::Text(_) => Some(write_form(output.wire_version, |pieces| {
                 let protocol = output.carrier.protocol;
                 protocol.put_object(message, output.wire_version, pieces.written());
             })),
@@ -88,7 +80,9 @@ impl<'a> Encoded<'a> {
             _ => None,
         };
         let part = jpeg::part(&payload, envelope)?;
-        Some(write(binary.wire_version, |pieces| pieces.share(&part)))
+        Some(write_form(binary.wire_version, |pieces| {
+            pieces.share(&part)
+        }))
     }
 }
 
@@ -96,44 +90,8 @@ impl Drop for Encoded<'_> {
     fn drop(&mut self) {
         while let Some((_, form)) = self.forms.pop() {
             if let Some(form) = form {
-                keep(form.pieces);
+                keep_form(form);
             }
         }
     }
-}
-
-/// Encodes a form for readers of this wire version, in the buffer of an earlier message if
-/// available.
-pub(super) fn write(wire_version: WireVersion, fill: impl FnOnce(&mut Pieces)) -> Form {
-    let mut pieces = spare();
-    fill(&mut pieces);
-    pieces.seal();
-    Form {
-        pieces,
-        wire_version,
-    }
-}
-
-/// Buffers that a thread keeps for its next messages.
-const MAX_SPARE_BUFFERS: usize = 2;
-/// The most room of a buffer that is kept.
-const MAX_SPARE_CAPACITY: usize = 2 * Pieces::MIN_SHARED_LEN;
-
-thread_local! {
-    static SPARE_BUFFERS: RefCell<Vec<Pieces>> = const { RefCell::new(Vec::new()) };
-}
-
-/// Returns an empty buffer, with the capacity of an earlier message if available.
-fn spare() -> Pieces {
-    SPARE_BUFFERS.with_borrow_mut(Vec::pop).unwrap_or_default()
-}
-
-/// Keeps a buffer for the next message of this thread.
-pub(super) fn keep(mut pieces: Pieces) {
-    SPARE_BUFFERS.with_borrow_mut(|spares| {
-        if spares.len() < MAX_SPARE_BUFFERS && pieces.capacity() <= MAX_SPARE_CAPACITY {
-            pieces.clear();
-            spares.push(pieces);
-        }
-    });
 }

@@ -77,7 +77,7 @@ impl Connection {
                 }
             }
             Action::Read => {
-                let head = html_page::stream_head(&self.core.name, admission);
+                let head = html_page::stream_head(&self.parts.context.name, admission);
                 self.output.extend_from_slice(head.as_bytes());
                 return Next::Stop(End::Reversed);
             }
@@ -147,15 +147,15 @@ impl Connection {
 
     /// Returns the owner's response for that address, if it serves pages.
     fn own_page(&self, request: &Request) -> Option<Page> {
-        self.core.options.pages.as_ref()?(request)
+        self.parts.context.options.pages.as_ref()?(request)
     }
 
     /// Appends the page of the port, with these answers.
     fn put_page(&mut self, admission: &Admission, data: &str, text: &str) {
-        let server = self.core.network.server();
+        let server = self.parts.context.network.server();
         let server = server.map(|(host, port)| format!("{host}:{port}"));
         let page = html_page::Page {
-            port: &self.core.name,
+            port: &self.parts.context.name,
             name_server: server.as_deref(),
             data,
             text,

@@ -12,49 +12,54 @@ use yarp_wire::carrier::{Carrier, CarrierSpec, Sender};
 use yarp_wire::message::WireObject;
 use yarp_wire::{Bottle, WireVersion};
 
-use super::core::{Core, Entry, InputEntry};
+use super::connections::{Entry, InputEntry};
 use super::counters::Meter;
 use super::dedicated_thread::{ConnectionControl, ControlReceiver};
-use super::encode_once;
+use super::dispatch::Dispatcher;
 use super::log_modifier;
 use super::monitor::{Chain, MonitorSide};
 use super::output::Output;
+use super::port_context::PortContext;
 use super::received_message::Received;
 use super::send_queue::{Parcel, SendQueue};
-use super::socket_qos::SocketHandle;
+use super::socket_handle::SocketHandle;
 use crate::cancel::Cancelled;
 use crate::error::PortError;
+use crate::latency::{keep_form, write_form};
 use crate::network::Endpoint;
 
 /// The ports of this process, by the number that they listen on.
-static PORTS: Mutex<Option<HashMap<u16, Weak<Core>>>> = Mutex::new(None);
+static PORTS: Mutex<Option<HashMap<u16, Weak<Dispatcher>>>> = Mutex::new(None);
 
-fn ports() -> MutexGuard<'static, Option<HashMap<u16, Weak<Core>>>> {
+fn ports() -> MutexGuard<'static, Option<HashMap<u16, Weak<Dispatcher>>>> {
     PORTS.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Makes a port known to the others of this process.
-pub(super) fn announce(core: &Arc<Core>) {
-    let known = Arc::downgrade(core);
-    ports().get_or_insert_default().insert(core.number, known);
+pub(super) fn announce(reader: &Arc<Dispatcher>) {
+    let known = Arc::downgrade(reader);
+    let mut ports = ports();
+    ports
+        .get_or_insert_default()
+        .insert(reader.port.number, known);
 }
 
 /// Takes back [`announce`].
-pub(super) fn withdraw(core: &Core) {
+pub(super) fn withdraw(port: &PortContext) {
     if let Some(ports) = ports().as_mut() {
-        ports.remove(&core.number);
+        ports.remove(&port.number);
     }
 }
 
 /// Returns the port at a place, if it is in this process.
-fn find(endpoint: &Endpoint) -> Option<Arc<Core>> {
-    let core = ports().as_ref()?.get(&endpoint.port)?.upgrade()?;
-    (core.name == endpoint.name).then_some(core)
+fn find(endpoint: &Endpoint) -> Option<Arc<Dispatcher>> {
+    let reader = ports().as_ref()?.get(&endpoint.port)?.upgrade()?;
+    (reader.port.name == endpoint.name).then_some(reader)
 }
 
 /// Connects a port to a reader of the same process.
 pub(super) fn connect(
-    writer: &Core,
+    writer: &PortContext,
     to: &Endpoint,
     spec: &CarrierSpec,
     carrier: &'static Carrier,
@@ -62,16 +67,18 @@ pub(super) fn connect(
     let reader = find(to).ok_or_else(|| PortError::NotInProcess {
         peer: to.name.clone(),
     })?;
-    let ends = (writer.name.as_str(), reader.name.as_str());
-    let monitors = reader.monitors(&spec.modifiers, MonitorSide::Receive, ends)?;
+    let ends = (writer.name.as_str(), reader.port.name.as_str());
+    let monitors = reader
+        .monitors()
+        .of_carrier(&spec.modifiers, MonitorSide::Receive, ends)?;
     let (control, displaced) = ConnectionControl::new();
     let meter = Arc::<Meter>::default();
     let sender = Sender {
         name: writer.name.clone(),
         modifiers: spec.modifiers.clone(),
     };
-    let id = reader.next_number();
-    reader.add_input(InputEntry {
+    let id = reader.connections.next_number();
+    reader.connections.add_input(InputEntry {
         id,
         from: writer.name.clone(),
         carrier_text: spec.to_string(),
@@ -86,14 +93,15 @@ pub(super) fn connect(
         send_queue: send_queue.clone(),
         entry: Entry {
             id,
-            core: reader.clone(),
+            connections: reader.connections.clone(),
         },
+        reader: reader.clone(),
         copies: log_modifier::is_requested_by(&sender),
         monitors,
         from: sender.name.into(),
         meter,
         displaced,
-        closing: reader.cancelled.clone(),
+        closing: reader.port.cancelled.clone(),
         cancelled: writer.cancelled.clone(),
     };
     let task = tokio::spawn(way.run());
@@ -112,6 +120,7 @@ pub(super) fn connect(
 struct Local {
     send_queue: Arc<SendQueue>,
     entry: Entry,
+    reader: Arc<Dispatcher>,
     copies: bool,
     /// The monitors of the messages at the reader, if any.
     monitors: Option<Arc<Chain>>,
@@ -171,18 +180,18 @@ impl Local {
             connection: self.entry.id,
         };
         let monitors = self.monitors.as_ref();
-        let taking = self.entry.core.take(monitors, received, self.copies);
+        let taking = self.reader.take(monitors, received, self.copies);
         let (reply, last) = taking.await;
         let reply = parcel.wants_reply.then(|| {
             let wire_version = WireVersion::default();
-            encode_once::write(wire_version, |pieces| match reply {
+            write_form(wire_version, |pieces| match reply {
                 Some(reply) => reply.write_pieces(pieces, wire_version),
                 None => Bottle::new().write_pieces(pieces, wire_version),
             })
         });
         self.send_queue.delivered(bytes, reply.as_ref());
         if let Some(reply) = reply {
-            encode_once::keep(reply.pieces);
+            keep_form(reply);
         }
         last
     }

@@ -18,29 +18,31 @@ use self::datagram_input::Datagrams;
 use self::message_handling::Step;
 use super::admin_commands::Asking;
 use super::connection_slots::ConnectionSlot;
-use super::core::{CLOSE_TIMEOUT, Core, Entry};
+use super::connections::Entry;
 use super::counters::Meter;
 use super::dedicated_thread::{ConnectionControl, ControlReceiver, DedicatedThread};
 use super::idle_connections::{CloseSignal, ConnectionGuard};
 use super::monitor::{Chain, MonitorError};
 use super::output::{Output, OutputTransport};
-use super::socket_qos::SocketHandle;
+use super::parts::Parts;
+use super::port_context::CLOSE_TIMEOUT;
+use super::socket_handle::SocketHandle;
 use crate::addresses;
 use crate::auth_step;
-use crate::busy_poll::{BusyPoll, Expecting};
 use crate::cancel::Cancelled;
 use crate::error::error_chain;
+use crate::latency::Tcp;
+use crate::latency::{BusyPoll, Expecting, Optimisation};
 use crate::limits::{INCOMING_BUDGET, Reservation, SMALL_MESSAGE};
 use crate::log_text::printable;
 use crate::roles::{self, Peer, Right, Rights};
 use crate::socket::{self, ReadBuffer, Socket};
-use crate::tcp_stream::Tcp;
 use crate::udp_socket;
 
 /// Serves a connection until it closes, is superseded, times out, or the port closes.
 ///
 /// Connections are numbered in the order in which they were accepted. Returns how it ended.
-pub(super) async fn serve(core: Arc<Core>, stream: TcpStream, guest: Guest) -> WasValid {
+pub(super) async fn serve(parts: Arc<Parts>, stream: TcpStream, guest: Guest) -> WasValid {
     let Guest {
         address,
         number,
@@ -51,10 +53,10 @@ pub(super) async fn serve(core: Arc<Core>, stream: TcpStream, guest: Guest) -> W
     } = guest;
     let begun = Instant::now();
     let (guard, mut close_signal) = guard.unzip();
-    let mut closing = core.cancelled.clone();
+    let mut closing = parts.context.cancelled.clone();
     let stream = Socket::Tcp(Tcp::new(stream));
-    core.network.roles().refresh_if_due(Instant::now());
-    if let Some(key) = core.network.key() {
+    parts.context.network.roles().refresh_if_due(Instant::now());
+    if let Some(key) = parts.context.network.key() {
         let mut ending = control_receiver.clone();
         let known = tokio::select! {
             known = auth_step::accept(&stream, key) => known,
@@ -62,9 +64,9 @@ pub(super) async fn serve(core: Arc<Core>, stream: TcpStream, guest: Guest) -> W
             () = ending.ended() => return WasValid(true),
         };
         if let Err(error) = known {
-            if let Some(more) = core.bad_connections.pass(Instant::now()) {
+            if let Some(more) = parts.connections.bad_connections.pass(Instant::now()) {
                 let text = error_chain(&error);
-                tracing::warn!(port = %core.name, %address, "Authentication of {address} failed: {text}{more}");
+                tracing::warn!(port = %parts.context.name, %address, "Authentication of {address} failed: {text}{more}");
             }
             return WasValid(false);
         }
@@ -72,7 +74,7 @@ pub(super) async fn serve(core: Arc<Core>, stream: TcpStream, guest: Guest) -> W
     let mut ending = control_receiver.clone();
     let secured = tokio::select! {
         biased;
-        secured = accept_handshake::secure(stream, &core.network) => secured,
+        secured = accept_handshake::secure(stream, &parts.context.network) => secured,
         () = closing.cancelled() => return WasValid(true),
         // The slot is given to another connection.
         () = ending.ended() => return WasValid(true),
@@ -81,17 +83,21 @@ pub(super) async fn serve(core: Arc<Core>, stream: TcpStream, guest: Guest) -> W
         Ok(Some(stream)) => stream,
         Ok(None) => return WasValid(begun.elapsed() >= MIN_CONNECTION_LIFETIME),
         Err(error) => {
-            if let Some(more) = core.bad_connections.pass(Instant::now()) {
+            if let Some(more) = parts.connections.bad_connections.pass(Instant::now()) {
                 let text = error_chain(&error);
-                tracing::warn!(port = %core.name, %address, "a connection of {address} is refused: {text}{more}");
+                tracing::warn!(port = %parts.context.name, %address, "a connection of {address} is refused: {text}{more}");
             }
             return WasValid(false);
         }
     };
     let mut connection = Connection {
-        acceptor: Acceptor::new(core.number, core.options.wire_version, core.options.limits)
-            .with_gate(core.network.gate().clone()),
-        core: core.clone(),
+        acceptor: Acceptor::new(
+            parts.context.number,
+            parts.context.options.wire_version,
+            parts.context.options.limits,
+        )
+        .with_gate(parts.context.network.gate().clone()),
+        parts: parts.clone(),
         stream: Arc::new(stream),
         input: ReadBuffer::default(),
         output: BytesMut::new(),
@@ -105,10 +111,10 @@ pub(super) async fn serve(core: Arc<Core>, stream: TcpStream, guest: Guest) -> W
         sender: Sender::plain(""),
         from: "".into(),
         address,
-        busy: BusyPoll::new(core.receive_queue.is_some()),
+        busy: BusyPoll::new(parts.dispatcher.receive_queue.is_some()),
         meter: Arc::default(),
         monitors: None,
-        closing: core.cancelled.clone(),
+        closing: parts.context.cancelled.clone(),
         rights: (0, Rights::ALL),
         guard,
         slot,
@@ -176,6 +182,8 @@ pub(super) enum End {
     Failed(io::Error),
     /// Its modifiers cannot be applied.
     Refused(MonitorError),
+    /// This build lacks the carrier.
+    NoCarrier(&'static str),
     /// It came over HTTP, which the port does not take.
     NoBrowsers,
     /// It is not encrypted, and has to be; or what it asks for cannot be.
@@ -199,7 +207,7 @@ impl From<io::Error> for End {
 }
 
 pub(super) struct Connection {
-    pub(super) core: Arc<Core>,
+    pub(super) parts: Arc<Parts>,
     stream: Arc<Socket>,
     acceptor: Acceptor,
     input: ReadBuffer,
@@ -240,6 +248,8 @@ pub(super) struct Connection {
 }
 
 /// The next step after a message.
+///
+/// Not a [`Ready`](yarp_wire::Ready): it selects the transport of the next message.
 pub(super) enum Next {
     Go,
     /// Messages come over a socket of the file system.
@@ -302,12 +312,15 @@ impl Connection {
 
     fn end(mut self, end: End) {
         self.entry = None;
-        let (port, from) = (&self.core.name, printable(&self.sender.name));
+        let (port, from) = (&self.parts.context.name, printable(&self.sender.name));
         let text = match end {
             // A connection moves only once.
             End::Closed | End::Moved(_) => return,
             End::Broken(error) => format!("dropping a connection: {error}"),
             End::Refused(error) => format!("refusing a connection: {error}"),
+            End::NoCarrier(name) => {
+                format!("refusing a connection: this program was built without the carrier {name}")
+            }
             End::Full(what) => format!("refusing a connection: {what}"),
             End::NotAllowed(right) => format!("dropping a connection: {}", self.refusal(right)),
             End::Failed(error) => {
@@ -330,7 +343,7 @@ impl Connection {
                 return;
             }
         };
-        if let Some(more) = self.core.bad_connections.pass(Instant::now()) {
+        if let Some(more) = self.parts.connections.bad_connections.pass(Instant::now()) {
             tracing::warn!(%port, %from, "{text}{more}");
         }
     }
@@ -346,6 +359,11 @@ impl Connection {
                 let unsent = self.output.len();
                 let next = match self.acceptor.poll(&mut self.input.bytes, &mut self.output) {
                     // The commonest first: it makes no future.
+                    Ok(Some(Event::Message(message)))
+                        if !Optimisation::InlineHandling.is_enabled() =>
+                    {
+                        Box::pin(self.message(message)).await
+                    }
                     Ok(Some(Event::Message(message))) => match self.handle_now(message) {
                         Step::Done(next) => next,
                         left => self.handle_rest(left).await,
@@ -481,17 +499,17 @@ impl Connection {
     /// Records the new socket of the connection.
     fn set_socket(&self, socket: SocketHandle) {
         if let Some(entry) = &self.entry {
-            self.core.move_input(entry.id, socket);
+            self.parts.connections.move_input(entry.id, socket);
         }
     }
 
     /// Returns whether the roles in force now give the peer this right.
     pub(super) fn may(&mut self, right: Right) -> bool {
-        let roles = self.core.network.roles();
+        let roles = self.parts.context.network.roles();
         let generation = roles.generation();
         if self.rights.0 != generation {
-            let mut rights = roles.rights_at_port(&self.core.name, self.peer());
-            if self.core.options.allows_any_writer {
+            let mut rights = roles.rights_at_port(&self.parts.context.name, self.peer());
+            if self.parts.context.options.allows_any_writer {
                 rights = rights.and(Right::Write.into());
             }
             self.rights = (generation, rights);
@@ -509,13 +527,13 @@ impl Connection {
     /// Returns the reason why the peer may not change how messages pass the port, or how its process is scheduled; none
     /// if it may.
     pub(super) fn why_not_modify(&self) -> Option<String> {
-        let core = &self.core;
+        let port = &self.parts.context;
         let asking = Asking {
             is_page: self.comes_from_page(),
             is_local: addresses::is_local(self.address),
-            is_named: core.network.roles().name(&core.name),
+            is_named: port.network.roles().name(&port.name),
         };
-        asking.why_not(&core.name, core.options.modifiable)
+        asking.why_not(&port.name, port.options.modifiable)
     }
 
     /// Returns whether it speaks as browsers do.
@@ -526,7 +544,7 @@ impl Connection {
 
     /// Returns the refusal for a peer without this right.
     pub(super) fn refusal(&self, right: Right) -> String {
-        roles::refusal(&self.core.name, self.peer(), right)
+        roles::refusal(&self.parts.context.name, self.peer(), right)
     }
 
     /// Waits for a future that may take long. The output so far is sent first: a peer that
@@ -554,7 +572,10 @@ impl Connection {
     /// Sends the output so far; only a header reply waits briefly for the reply to a message that
     /// was received with it: the peer polls for the latter only.
     async fn send_output(&mut self) {
-        if self.header_reply_len > 0 && self.output.len() == self.header_reply_len {
+        if self.header_reply_len > 0
+            && self.output.len() == self.header_reply_len
+            && Optimisation::FirstReply.is_enabled()
+        {
             tokio::time::sleep(FIRST_REPLY_DELAY).await;
         }
         // A peer that is gone is noticed when it is read from.
@@ -572,13 +593,14 @@ impl Connection {
     /// Goes on as a connection that the port writes to.
     fn into_output(self) {
         let most = self
-            .core
+            .parts
+            .context
             .options
             .connection_limits
             .and_then(|limits| limits.max_connections);
-        if most.is_some_and(|most| self.core.outputs().len() >= most) {
+        if most.is_some_and(|most| self.parts.connections.outputs().len() >= most) {
             let from = printable(&self.sender.name);
-            tracing::warn!(port = %self.core.name, %from, "too many readers: refusing a connection");
+            tracing::warn!(port = %self.parts.context.name, %from, "too many readers: refusing a connection");
             return;
         }
         let Some(initiator) = self.acceptor.into_initiator() else {
@@ -596,9 +618,9 @@ impl Connection {
                 self.input,
             ),
             initiator,
-            self.core.cancelled.clone(),
+            self.parts.context.cancelled.clone(),
             Some(self.slot),
         );
-        self.core.add_output(output);
+        self.parts.connections.add_output(output);
     }
 }

@@ -49,7 +49,7 @@ impl PooledJpegDecoder {
     }
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "jpeg"))]
 mod tests {
     use yarp_wire::message::ReadObject;
     use yarp_wire::typed::PixelCode;

@@ -12,10 +12,10 @@ use yarp_wire::name_service::RegisterRequest;
 
 use super::accept_throttle::{self, AcceptThrottle};
 use super::connection_slots;
-use super::core::Core;
 use super::dedicated_thread::ConnectionControl;
 use super::idle_connections::ConnectionTable;
 use super::input::{self, Guest, WasValid};
+use super::parts::Parts;
 use super::port_options::PortOptions;
 use crate::cancel::join;
 use crate::error::PortError;
@@ -117,10 +117,14 @@ pub(super) fn log_missing_key() {
 const ACCEPT_RETRY_INTERVAL: Duration = Duration::from_millis(50);
 
 /// Accepts connections until the port closes, then waits for them to end.
-pub(super) async fn listen(core: Arc<Core>, listener: TcpListener) {
+pub(super) async fn listen(parts: Arc<Parts>, listener: TcpListener) {
     let mut connections = JoinSet::new();
-    let mut cancelled = core.cancelled.clone();
-    let table = core.options.connection_limits.map(ConnectionTable::new);
+    let mut cancelled = parts.context.cancelled.clone();
+    let table = parts
+        .context
+        .options
+        .connection_limits
+        .map(ConnectionTable::new);
     let silence = tokio::time::sleep(Duration::ZERO);
     tokio::pin!(silence);
     let mut throttle = AcceptThrottle::new(Instant::now());
@@ -157,28 +161,24 @@ pub(super) async fn listen(core: Arc<Core>, listener: TcpListener) {
                     let slots = connection_slots::process();
                     let slot = slots.admit(&control, due);
                     if slots.wants_to_know(now) {
-                        tokio::spawn(connection_slots::ask_about_peers(core.network.clone()));
+                        tokio::spawn(connection_slots::ask_about_peers(parts.context.network.clone()));
                     }
                     let Some(slot) = slot else {
-                        log_no_slot(&core, &refusals, peer.ip());
+                        log_no_slot(&parts, &refusals, peer.ip());
                         continue;
                     };
                     if let Some(due) = due && (!awaits_headers || header_due.deadline() > due.into()) {
                         awaits_headers = true;
                         header_due.as_mut().reset(due.into());
                     }
-                    let number = core.next_number();
+                    let number = parts.connections.next_number();
                     let guest = Guest { address: peer.ip(), number, guard, slot, control, control_receiver };
-                    connections.spawn(input::serve(core.clone(), stream, guest));
+                    connections.spawn(input::serve(parts.clone(), stream, guest));
                     let throttling = table.is_none() && throttle.is_throttling(now);
                     if throttling != is_throttling {
                         is_throttling = throttling;
                         if throttling {
-                            tracing::warn!(
-                                port = %core.name, address = %peer.ip(),
-                                "too many invalid connections, last from {}; throttling accepts",
-                                peer.ip(),
-                            );
+                            log_throttling(&parts, peer.ip());
                         }
                         let waiting = if throttling { THROTTLED_BACKLOG } else { DEFAULT_BACKLOG };
                         // If the system refuses, the backlog remains unchanged.
@@ -190,7 +190,7 @@ pub(super) async fn listen(core: Arc<Core>, listener: TcpListener) {
                     }
                 }
                 Err(error) => {
-                    log_failure(&core, &failures, &error);
+                    log_failure(&parts, &failures, &error);
                     recover(&error, table.as_ref()).await;
                 }
             },
@@ -218,11 +218,19 @@ pub(super) async fn listen(core: Arc<Core>, listener: TcpListener) {
     join(connections).await;
 }
 
+/// Logs that accepts are throttled.
+fn log_throttling(parts: &Parts, address: IpAddr) {
+    tracing::warn!(
+        port = %parts.context.name, %address,
+        "too many invalid connections, last from {address}; throttling accepts",
+    );
+}
+
 /// Logs a connection that is refused because no slot of the process is free.
-fn log_no_slot(core: &Core, refusals: &LogLimit, address: IpAddr) {
+fn log_no_slot(parts: &Parts, refusals: &LogLimit, address: IpAddr) {
     if let Some(more) = refusals.pass(Instant::now()) {
         tracing::warn!(
-            port = %core.name, %address,
+            port = %parts.context.name, %address,
             "refusing a connection from {address}: all {} connections of this process are in use by ports; \
              raise `ulimit -n`{more}",
             limits::connections(),
@@ -231,9 +239,9 @@ fn log_no_slot(core: &Core, refusals: &LogLimit, address: IpAddr) {
 }
 
 /// Logs a failed accept.
-fn log_failure(core: &Core, failures: &LogLimit, error: &io::Error) {
+fn log_failure(parts: &Parts, failures: &LogLimit, error: &io::Error) {
     if let Some(more) = failures.pass(Instant::now()) {
-        tracing::warn!(port = %core.name, "cannot accept: {error}{more}");
+        tracing::warn!(port = %parts.context.name, "cannot accept: {error}{more}");
     }
 }
 

@@ -8,7 +8,6 @@
 //! copied again, so that ports that log each other do not loop.
 
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
 
 use bytes::{BufMut, Bytes, BytesMut};
 use yarp_wire::carrier::{CarrierSpec, Sender};
@@ -16,7 +15,6 @@ use yarp_wire::message::{Command, Payload, WireObject};
 use yarp_wire::{Bottle, Limits, Vocab32, WireVersion};
 
 use super::PortError;
-use super::core::{Core, transmitting};
 use super::encode_once::Encoded;
 use super::output::Output;
 use super::received_message::{Received, Reply};
@@ -106,41 +104,26 @@ impl WireObject for Content<'_> {
     }
 }
 
-impl Core {
-    /// Returns whether there may be loggers; nearly free.
-    pub(super) fn is_logged(&self) -> bool {
-        self.logged.load(Ordering::Relaxed)
-    }
-
-    /// Sends a message, and its reply if there was one, to the loggers.
-    pub(super) fn forward(&self, message: &LoggedMessage, reply: Option<&Reply>) {
-        let command = Command::Data {
-            reply: false,
-            envelope: message.envelope.clone(),
+/// Sends a message, and its reply if there was one, to the loggers.
+pub(super) fn forward(loggers: &[Arc<Output>], message: &LoggedMessage, reply: Option<&Reply>) {
+    let command = Command::Data {
+        reply: false,
+        envelope: message.envelope.clone(),
+    };
+    let answered = reply.filter(|_| message.wants_reply);
+    let answered = answered.map(|reply| message.with(reply));
+    let mut encoded = Encoded::of(&command);
+    for output in loggers {
+        let form = match &answered {
+            Some(transaction) => encoded.form(transaction, output),
+            None => encoded.form(message, output),
         };
-        let answered = reply.filter(|_| message.wants_reply);
-        let answered = answered.map(|reply| message.with(reply));
-        let mut encoded = Encoded::of(&command);
-        for output in self.loggers() {
-            let form = match &answered {
-                Some(transaction) => encoded.form(transaction, &output),
-                None => encoded.form(message, &output),
-            };
-            let Some(form) = form else {
-                continue;
-            };
-            // A connection that has ended is taken off the list by itself.
-            if output.send_queue.try_push(&command, form).is_none() {
-                output.send_queue.count_dropped();
-            }
+        let Some(form) = form else {
+            continue;
+        };
+        // A connection that has ended is taken off the list by itself.
+        if output.send_queue.try_push(&command, form).is_none() {
+            output.send_queue.count_dropped();
         }
-    }
-
-    fn loggers(&self) -> Vec<Arc<Output>> {
-        let outputs = self.outputs_mut();
-        let loggers: Vec<_> = transmitting(&outputs, true).cloned().collect();
-        // Under the lock, under which it is also set.
-        self.logged.store(!loggers.is_empty(), Ordering::Relaxed);
-        loggers
     }
 }

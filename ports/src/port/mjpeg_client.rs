@@ -13,13 +13,15 @@ use yarp_wire::Limits;
 use yarp_wire::carrier::{Carrier, CarrierSpec};
 use yarp_wire::mjpeg::{self, MjpegError, Part, PartReader};
 
-use super::core::{Core, Entry, InputEntry};
+use super::connections::{Entry, InputEntry};
 use super::counters::Meter;
 use super::dedicated_thread::{ConnectionControl, DedicatedThread};
+use super::dispatch::Dispatcher;
 use super::jpeg_decoder::PooledJpegDecoder;
 use super::monitor::{Chain, MonitorSide};
 use super::received_message::Received;
-use super::socket_qos::SocketHandle;
+use super::socket_handle::SocketHandle;
+use crate::connect::connect;
 use crate::error::PortError;
 use crate::log_text::printable;
 use crate::network::Endpoint;
@@ -27,7 +29,7 @@ use crate::socket::{self, ReadBuffer, Socket};
 
 /// A connection whose head has been read.
 struct Pull {
-    core: Arc<Core>,
+    reader: Arc<Dispatcher>,
     from: String,
     address: IpAddr,
     stream: Arc<Socket>,
@@ -39,73 +41,73 @@ struct Pull {
     connection: u64,
 }
 
-impl Core {
-    /// Connects to a writer and reads from it until it closes, or either side is asked to close it.
-    pub(super) async fn pull(
-        self: &Arc<Self>,
-        endpoint: &Endpoint,
-        spec: &CarrierSpec,
-        carrier: &'static Carrier,
-    ) -> Result<(), PortError> {
-        let ends = (endpoint.name.as_str(), self.name.as_str());
-        let monitors = self.monitors(&spec.modifiers, MonitorSide::Receive, ends)?;
-        let deadline = self.network.timeout();
-        let opening = open(self, endpoint, spec);
-        let mut pull =
-            socket::within(deadline, &endpoint.name, "head of the response", opening).await?;
-        let thread = DedicatedThread::start(None).await.map_err(|error| {
-            let address = format!("{}:{}", endpoint.host, endpoint.port);
-            PortError::connect(&endpoint.name, address, "thread for its pictures", error)
-        })?;
-        let (control, mut displaced) = ConnectionControl::new();
-        control.give(thread.clone());
-        let id = self.next_number();
-        self.add_input(InputEntry {
-            id,
-            from: endpoint.name.clone(),
-            carrier_text: spec.to_string(),
-            carrier,
-            socket: SocketHandle::of(&pull.stream),
-            meter: pull.meter.clone(),
-            monitors: monitors.clone(),
-            control,
-        });
-        pull.monitors = monitors;
-        pull.connection = id;
-        let core = self.clone();
-        let entry = Entry {
-            id,
-            core: core.clone(),
-        };
-        let mut closing = core.cancelled.clone();
-        let from = pull.from.clone();
-        let begin = move || {
-            pull.stream = pull.stream.renewed();
-            let socket = SocketHandle::of(&pull.stream);
-            pull.core.move_input(id, socket.clone());
-            let running = async move {
-                tokio::select! {
-                    end = pull.run() => end,
-                    () = displaced.ended() => Ok(()),
-                    () = closing.cancelled() => Ok(()),
-                }
-            };
-            (socket, running)
-        };
-        self.own(async move {
-            let _entry = entry;
-            if let Some(Err(error)) = thread.run(begin).await {
-                let from = printable(&from);
-                tracing::warn!(port = %core.name, %from, "dropping a connection: {error}");
+/// Connects to a writer and reads from it until it closes, or either side is asked to close it.
+pub(super) async fn pull(
+    reader: &Arc<Dispatcher>,
+    endpoint: &Endpoint,
+    spec: &CarrierSpec,
+    carrier: &'static Carrier,
+) -> Result<(), PortError> {
+    let ends = (endpoint.name.as_str(), reader.port.name.as_str());
+    let monitors = reader
+        .monitors()
+        .of_carrier(&spec.modifiers, MonitorSide::Receive, ends)?;
+    let deadline = reader.port.network.timeout();
+    let opening = open(reader, endpoint, spec);
+    let mut pull =
+        socket::within(deadline, &endpoint.name, "head of the response", opening).await?;
+    let thread = DedicatedThread::start(None).await.map_err(|error| {
+        let address = format!("{}:{}", endpoint.host, endpoint.port);
+        PortError::connect(&endpoint.name, address, "thread for its pictures", error)
+    })?;
+    let (control, mut displaced) = ConnectionControl::new();
+    control.give(thread.clone());
+    let id = reader.connections.next_number();
+    reader.connections.add_input(InputEntry {
+        id,
+        from: endpoint.name.clone(),
+        carrier_text: spec.to_string(),
+        carrier,
+        socket: SocketHandle::of(&pull.stream),
+        meter: pull.meter.clone(),
+        monitors: monitors.clone(),
+        control,
+    });
+    pull.monitors = monitors;
+    pull.connection = id;
+    let port = reader.port.clone();
+    let entry = Entry {
+        id,
+        connections: reader.connections.clone(),
+    };
+    let mut closing = port.cancelled.clone();
+    let from = pull.from.clone();
+    let begin = move || {
+        pull.stream = pull.stream.renewed();
+        let socket = SocketHandle::of(&pull.stream);
+        pull.reader.connections.move_input(id, socket.clone());
+        let running = async move {
+            tokio::select! {
+                end = pull.run() => end,
+                () = displaced.ended() => Ok(()),
+                () = closing.cancelled() => Ok(()),
             }
-        });
-        Ok(())
-    }
+        };
+        (socket, running)
+    };
+    reader.connections.own(async move {
+        let _entry = entry;
+        if let Some(Err(error)) = thread.run(begin).await {
+            let from = printable(&from);
+            tracing::warn!(port = %port.name, %from, "dropping a connection: {error}");
+        }
+    });
+    Ok(())
 }
 
 /// Connects, asks, and waits for the head of the response.
 async fn open(
-    core: &Arc<Core>,
+    reader: &Arc<Dispatcher>,
     endpoint: &Endpoint,
     spec: &CarrierSpec,
 ) -> Result<Pull, PortError> {
@@ -116,7 +118,7 @@ async fn open(
         let address = format!("{host}:{port}");
         PortError::connect(name, address, "head of the response", error)
     };
-    let stream = Arc::new(socket::connect(name, host, *port, &core.network).await?);
+    let stream = Arc::new(connect(name, host, *port, &reader.port.network).await?);
     let address = stream.tcp().and_then(|tcp| tcp.peer_addr().ok());
     let request = mjpeg::request(spec.modifier("path"), &format!("{host}:{port}"));
     let mut output = BytesMut::from(request.as_str());
@@ -124,7 +126,7 @@ async fn open(
         .await
         .map_err(lost)?;
     let mut pull = Pull {
-        core: core.clone(),
+        reader: reader.clone(),
         from: name.clone(),
         address: address.map_or(Ipv4Addr::UNSPECIFIED.into(), |address| address.ip()),
         stream,
@@ -136,13 +138,14 @@ async fn open(
         connection: 0,
     };
     // Lines are only taken off the buffer here: the first part waits for `run`.
-    while !pull
+    while pull
         .parts
         .open(&mut pull.input.bytes)
         .map_err(|source| PortError::Mjpeg {
             peer: name.clone(),
             source,
         })?
+        .is_none()
     {
         if pull.input.read(&pull.stream, 0).await.map_err(lost)? == 0 {
             return Err(lost(io::ErrorKind::UnexpectedEof.into()));
@@ -176,7 +179,7 @@ impl Pull {
                 Ok(_) => {}
                 Err(error) => {
                     let from = &self.from;
-                    tracing::debug!(port = %self.core.name, from, "a connection failed: {error}");
+                    tracing::debug!(port = %self.reader.port.name, from, "a connection failed: {error}");
                     return Ok(None);
                 }
             }
@@ -189,7 +192,7 @@ impl Pull {
             Ok(payload) => payload,
             Err(error) => {
                 let from = &self.from;
-                tracing::debug!(port = %self.core.name, from, "a picture is dropped: {error}");
+                tracing::debug!(port = %self.reader.port.name, from, "a picture is dropped: {error}");
                 return;
             }
         };
@@ -206,6 +209,6 @@ impl Pull {
         };
         // Replies are impossible.
         let monitors = self.monitors.as_ref();
-        self.core.take(monitors, received, false).await;
+        self.reader.take(monitors, received, false).await;
     }
 }

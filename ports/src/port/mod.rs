@@ -1,27 +1,42 @@
 //! A port: a named place that other programs connect to.
 //!
-//! | file | what it is about |
+//! A port is composed of three parts with state of their own, and of one that connects:
+//!
+//! | part | file | state |
+//! | --- | --- | --- |
+//! | `Connections` | `connections` | the connections in both directions, their groups and counts |
+//! | `Dispatcher` | `dispatch` | the queue of received messages, pending replies, monitors of the port |
+//! | `Connector` | `connector` | none: makes outgoing connections with the two above |
+//! | `Administration` | `administration` | the properties that peers set |
+//!
+//! `parts` composes them; `port_context` holds what does not change while the port is open.
+//!
+//! | file | content |
 //! | --- | --- |
-//! | `options` | how a port is to be opened |
-//! | `core` | what the tasks of a port share |
-//! | `listener`, `callers` | the number that it listens on, who comes and is silent |
-//! | `connection_slots` | how many connections the process holds, and which one makes room |
-//! | `input`, `inbox`, `received` | incoming connections, what arrived, one message of it |
-//! | `output`, `outbox`, `group` | outgoing connections, what is to be sent, multicast |
-//! | `encoded`, `batch`, `call` | a message in the forms that readers want, bytes on their way, who waits for a reply |
-//! | `pull`, `picture` | connections made to read from, images as browsers see them |
-//! | `admin`, `describe`, `browser` | what programs and people ask of the port itself |
-//! | `supervised` | connections that come back |
-//! | `silent` | writers in datagrams that may be gone |
-//! | `log` | copies of what arrives for those who look on |
-//! | `counters` | what passed |
-//! | `monitor` | what messages pass on their way |
-//! | `qos`, `own_thread` | how urgent the packets and the thread of a connection are |
+//! | `port_options` | options of a port |
+//! | `listener`, `accept_throttle`, `idle_connections` | accepted connections, and those that send nothing |
+//! | `connection_slots` | the number of connections of the process, and which one makes room |
+//! | `input`, `receive_queue`, `received_message` | incoming connections and their messages |
+//! | `output`, `send_queue`, `multicast_group` | outgoing connections, messages to be sent, multicast |
+//! | `encode_once`, `reply_channel` | a message in the forms that readers want, pending replies |
+//! | `in_process` | connections within the process |
+//! | `mjpeg_client`, `jpeg` | connections made to read from, images as browsers see them |
+//! | `admin_commands`, `text_commands`, `http_server` | requests of programs and people to the port itself |
+//! | `socket_qos`, `dedicated_thread` | priority of the packets and the thread of a connection |
+//! | `reconnecting` | connections that are made again |
+//! | `datagram_liveness` | writers in datagrams that may be gone |
+//! | `log_modifier` | copies of received messages |
+//! | `counters`, `counter_snapshot` | counts of messages |
+//! | `monitor` | monitors that messages pass |
 
 mod accept_throttle;
 mod admin_commands;
+mod admin_reply;
+mod administration;
 mod connection_slots;
-mod core;
+mod connections;
+mod connector;
+mod counter_snapshot;
 mod counters;
 mod datagram_liveness;
 pub(crate) mod dedicated_thread;
@@ -31,6 +46,7 @@ mod http_server;
 mod idle_connections;
 mod in_process;
 mod input;
+#[cfg_attr(not(feature = "jpeg"), path = "jpeg_absent.rs")]
 mod jpeg;
 mod jpeg_decoder;
 mod listener;
@@ -39,6 +55,8 @@ mod mjpeg_client;
 mod monitor;
 mod multicast_group;
 mod output;
+mod parts;
+mod port_context;
 mod port_options;
 mod pray_command;
 mod receive_queue;
@@ -46,9 +64,9 @@ mod received_message;
 mod reconnecting;
 mod reply_channel;
 mod send_queue;
+mod socket_handle;
 mod socket_qos;
 mod text_commands;
-mod write_batch;
 
 use std::sync::Arc;
 use std::task::Poll;
@@ -61,13 +79,15 @@ use yarp_wire::message::{Command, Payload, ReadObject, WireObject};
 use yarp_wire::name_service::RegisterRequest;
 use yarp_wire::{Contact, PortName, Stamp, WireVersion};
 
-use self::core::Core;
-use self::encode_once::{Encoded, Form};
+use self::encode_once::Encoded;
 use self::monitor::Outgoing;
 use self::output::Output;
+use self::parts::Parts;
+use self::port_context::PortContext;
 use crate::addresses;
 use crate::cancel::Cancel;
 use crate::error::PortError;
+use crate::latency::Form;
 use crate::lease_renewal::LeasedNames;
 use crate::network::Network;
 
@@ -113,7 +133,7 @@ pub struct Reader<'a> {
 /// [`Port::close`] unregisters the name and closes the connections. Dropping the port does the same
 /// in the background, as long as the runtime runs.
 pub struct Port {
-    core: Arc<Core>,
+    parts: Arc<Parts>,
     cancel: Cancel,
     listener: Option<JoinHandle<()>>,
     registered: bool,
@@ -122,7 +142,7 @@ pub struct Port {
 impl std::fmt::Debug for Port {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Port")
-            .field("name", &self.core.name)
+            .field("name", &self.parts.context.name)
             .finish()
     }
 }
@@ -186,18 +206,18 @@ impl Port {
             .local_addr()
             .map_or(number, |address| address.port());
         let (cancel, cancelled) = Cancel::new();
-        let core = Arc::new(Core::new(
+        let parts = Arc::new(Parts::new(PortContext::new(
             name,
             host,
             number,
             network.clone(),
             options,
             cancelled,
-        ));
-        in_process::announce(&core);
-        let listener = tokio::spawn(listener::listen(core.clone(), listener));
+        )));
+        in_process::announce(&parts.dispatcher);
+        let listener = tokio::spawn(listener::listen(parts.clone(), listener));
         let port = Self {
-            core,
+            parts,
             cancel,
             listener: Some(listener),
             registered: registered.is_some(),
@@ -205,10 +225,10 @@ impl Port {
         if let Some(endpoint) = registered {
             let addresses = Network::reached_at(address);
             network.register_properties(port.name(), &addresses).await?;
-            let type_name = port.core.options.type_name.clone();
+            let type_name = port.parts.context.options.type_name.clone();
             LeasedNames::keep(network, &endpoint, type_name, address);
         }
-        tracing::info!(port = %port.core.name, "Port {} active at {}", port.name(), port.address());
+        tracing::info!(port = %port.parts.context.name, "Port {} active at {}", port.name(), port.address());
         if network.key().is_none() {
             listener::log_missing_key();
         }
@@ -217,22 +237,25 @@ impl Port {
 
     /// Returns the name.
     pub fn name(&self) -> &str {
-        &self.core.name
+        &self.parts.context.name
     }
 
     /// The TCP port that it listens on.
     pub fn tcp_port(&self) -> u16 {
-        self.core.number
+        self.parts.context.number
     }
 
     /// Returns its address in stock's format: `tcp://HOST:PORT/`.
     pub fn address(&self) -> String {
-        format!("tcp://{}:{}/", self.core.host, self.core.number)
+        format!(
+            "tcp://{}:{}/",
+            self.parts.context.host, self.parts.context.number
+        )
     }
 
     /// Returns the network it is on.
     pub fn network(&self) -> &Network {
-        &self.core.network
+        &self.parts.context.network
     }
 
     /// Connects to a reader, given as a name or a contact such as `fast_tcp://reader`.
@@ -240,14 +263,18 @@ impl Port {
     /// Over `tcp+log.in` the reader gets copies of the messages that this port receives, and of its
     /// replies, instead of the messages it writes.
     pub async fn connect(&self, to: &str) -> Result<(), PortError> {
-        self.core.connect(&Contact::parse(to)).await.map(drop)
+        self.parts
+            .connector
+            .connect(&Contact::parse(to))
+            .await
+            .map(drop)
     }
 
     /// Connects to a reader over a carrier such as `fast_tcp`.
     pub async fn connect_over(&self, to: &str, carrier: &str) -> Result<(), PortError> {
         let mut contact = Contact::parse(to);
         contact.carrier = Some(carrier.to_owned());
-        self.core.connect(&contact).await.map(drop)
+        self.parts.connector.connect(&contact).await.map(drop)
     }
 
     /// Connects to a reader, given as for [`Port::connect`], and reconnects whenever the connection
@@ -277,23 +304,23 @@ impl Port {
         to: &str,
         options: ReconnectOptions,
     ) -> ReconnectingConnection {
-        ReconnectingConnection::start(self.core.clone(), Contact::parse(to), options)
+        ReconnectingConnection::start(self.parts.clone(), Contact::parse(to), options)
     }
 
     /// Ends the connection to a reader; returns whether there was one.
     pub async fn disconnect(&self, to: &str) -> bool {
-        self.core.disconnect(to).await
+        self.parts.connections.disconnect(to).await
     }
 
     /// Returns the readers that it is connected to.
     pub fn outputs(&self) -> Vec<String> {
-        let outputs = self.core.outputs();
+        let outputs = self.parts.connections.outputs();
         outputs.iter().map(|output| output.to.clone()).collect()
     }
 
     /// Returns the writers that are connected to it.
     pub fn inputs(&self) -> Vec<String> {
-        let inputs = self.core.inputs();
+        let inputs = self.parts.connections.inputs();
         inputs.iter().map(|input| input.from.clone()).collect()
     }
 
@@ -301,7 +328,7 @@ impl Port {
     ///
     /// Needs [`PortOptions::queue`] or [`PortOptions::rpc_server`]. Cancelling loses nothing.
     pub async fn read(&self) -> Result<Received, PortError> {
-        let receive_queue = self.core.receive_queue.as_ref();
+        let receive_queue = self.parts.dispatcher.receive_queue.as_ref();
         let message = match receive_queue {
             Some(receive_queue) => receive_queue.pop().await,
             None => None,
@@ -311,12 +338,13 @@ impl Port {
 
     /// Returns the oldest queued message, if there is one now.
     pub fn try_read(&self) -> Option<Received> {
-        self.core.receive_queue.as_ref()?.try_pop()
+        self.parts.dispatcher.receive_queue.as_ref()?.try_pop()
     }
 
     /// Returns the number of messages dropped because they were not read soon enough.
     pub fn dropped(&self) -> u64 {
-        self.core
+        self.parts
+            .dispatcher
             .receive_queue
             .as_ref()
             .map_or(0, |receive_queue| receive_queue.dropped())
@@ -324,12 +352,12 @@ impl Port {
 
     /// Returns the message counters of this port and of each of its connections.
     pub fn counters(&self) -> PortCounters {
-        self.core.counters()
+        self.parts.dispatcher.counters()
     }
 
     /// Ends all waits of [`Port::read`], now and later; queued messages can still be read.
     pub fn interrupt(&self) {
-        if let Some(receive_queue) = &self.core.receive_queue {
+        if let Some(receive_queue) = &self.parts.dispatcher.receive_queue {
             receive_queue.close();
         }
     }
@@ -355,7 +383,7 @@ impl Port {
         let mut taken = 0;
         let mut late = Vec::new();
         let mut sent = SmallVec::<[_; 4]>::new();
-        self.core.for_each_sender(|output| {
+        self.parts.connections.for_each_sender(|output| {
             let Some(form) = encoded.form(message, output) else {
                 return;
             };
@@ -413,7 +441,7 @@ impl Port {
         let command = data(false, envelope);
         let mut encoded = Encoded::of(&command);
         let mut taken = 0;
-        self.core.for_each_sender(|output| {
+        self.parts.connections.for_each_sender(|output| {
             let reader = Reader {
                 name: &output.to,
                 wire_version: output.wire_version,
@@ -448,7 +476,7 @@ impl Port {
         let mut encoded = Encoded::of(&command);
         let mut taken = 0;
         let mut late = Vec::new();
-        self.core.for_each_sender(|output| {
+        self.parts.connections.for_each_sender(|output| {
             let Some(form) = encoded.form(message, output) else {
                 return;
             };
@@ -465,7 +493,7 @@ impl Port {
     /// Waits until every message has been sent, and acknowledged if the carrier has
     /// acknowledgements.
     pub async fn flush(&self) {
-        for output in self.core.senders() {
+        for output in self.parts.connections.senders() {
             // A reader that is gone has nothing left to take.
             let _ = output.send_queue.drained().await;
         }
@@ -503,7 +531,7 @@ impl Port {
         request: &impl WireObject,
     ) -> Result<(Arc<Output>, Payload), PortError> {
         let mut first = None;
-        self.core.for_each_sender(|output| {
+        self.parts.connections.for_each_sender(|output| {
             if output.carrier.push {
                 first.get_or_insert_with(|| output.clone());
             }
@@ -547,8 +575,12 @@ impl Port {
 
     /// Passes a message like [`Port::monitored`]; also returns the delay that the monitor requests.
     fn outgoing<'a, T: WireObject>(&self, message: &'a T) -> Option<(Outgoing<'a, T>, Duration)> {
-        let chain = self.core.attached_out.chain();
-        Outgoing::of(message, chain.as_deref(), self.core.options.wire_version)
+        let chain = self.parts.dispatcher.attached_out.chain();
+        Outgoing::of(
+            message,
+            chain.as_deref(),
+            self.parts.context.options.wire_version,
+        )
     }
 
     /// Closes the connections, stops listening and unregisters the name.
@@ -563,27 +595,33 @@ impl Port {
     /// Shuts everything down; the returned future waits for the rest.
     fn shut(&mut self) -> Option<impl Future<Output = ()> + Send + 'static> {
         let listener = self.listener.take()?;
-        let core = self.core.clone();
+        let parts = self.parts.clone();
         let registered = std::mem::take(&mut self.registered);
         self.interrupt();
         // Closed connections must not reconnect now.
-        self.core.close();
+        self.parts.context.close();
         if registered {
-            self.core.network.leased_names().forget(&self.core.name);
+            self.parts
+                .context
+                .network
+                .leased_names()
+                .forget(&self.parts.context.name);
         }
-        in_process::withdraw(&self.core);
+        in_process::withdraw(&self.parts.context);
         let (keep, _) = Cancel::new();
         let cancel = std::mem::replace(&mut self.cancel, keep);
         Some(async move {
-            core::close_outputs(&core.outputs()).await;
-            core.disconnect_sources().await;
-            core.release_groups().await;
+            connections::close_outputs(&parts.connections.outputs()).await;
+            parts.connections.disconnect_sources().await;
+            parts.connections.release_groups().await;
             cancel.cancel();
             // The listener ends its connections, all of which heed the signal.
             let _ = listener.await;
-            core.join_pulls().await;
-            if registered && let Err(error) = core.network.unregister(&core.name).await {
-                tracing::warn!(port = %core.name, "cannot unregister: {}", error.error_chain());
+            parts.connections.join_pulls().await;
+            if registered
+                && let Err(error) = parts.context.network.unregister(&parts.context.name).await
+            {
+                tracing::warn!(port = %parts.context.name, "cannot unregister: {}", error.error_chain());
             }
         })
     }

@@ -20,18 +20,19 @@ use yarp_wire::message::{Command, Pieces};
 use yarp_wire::{Limits, WireVersion};
 
 use super::connection_slots;
-use super::encode_once::Form;
 use super::monitor::{self, Chain, MonitorSide};
 use super::multicast_group::Group;
 use super::send_queue::SendQueue;
-use super::socket_qos::SocketHandle;
+use super::socket_handle::SocketHandle;
 use crate::admin_client::AdminClient;
 use crate::cancel::Cancelled;
+use crate::connect::connect_over;
 use crate::error::PortError;
+use crate::latency::Form;
 use crate::log_text::printable;
 use crate::network::{Endpoint, Network};
 use crate::remote_admin;
-use crate::socket::{ReadBuffer, Socket, connect_over, within, write_all};
+use crate::socket::{ReadBuffer, Socket, within, write_all};
 use crate::transport_switch::{next_port, refusal, refuses, switch_transport};
 use crate::udp_socket;
 

@@ -13,7 +13,7 @@ use yarp_wire::bottle::DecodeError;
 use yarp_wire::message::{Form, Payload, ReadObject, WireObject};
 use yarp_wire::{Bottle, Stamp};
 
-use super::reply_channel::ReplySender;
+use super::reply_channel::{ReplySender, SenderDropped};
 
 /// The reply to a message: any object that can be written. Up to 64 bytes need no allocation.
 pub struct Reply(SmallBox<dyn WireObject + Send + Sync, S8>);
@@ -135,6 +135,12 @@ impl std::fmt::Debug for Answer {
             Self::ReplyAndClose(_) => "ReplyAndClose",
             Self::Later(_) => "Later",
         })
+    }
+}
+
+impl SenderDropped for Answer {
+    fn sender_dropped() -> Self {
+        Self::Nothing
     }
 }
 

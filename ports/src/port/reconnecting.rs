@@ -10,8 +10,8 @@ use tokio::task::JoinHandle;
 use tokio::time::Instant;
 use yarp_wire::Contact;
 
-use super::core::Core;
 use super::log_modifier;
+use super::parts::Parts;
 use super::send_queue::SendQueue;
 use crate::cancel::{Cancel, Cancelled};
 use crate::log_text::printable;
@@ -111,13 +111,13 @@ pub struct ReconnectingConnection {
 }
 
 impl ReconnectingConnection {
-    pub(super) fn start(core: Arc<Core>, to: Contact, options: ReconnectOptions) -> Self {
+    pub(super) fn start(parts: Arc<Parts>, to: Contact, options: ReconnectOptions) -> Self {
         let (sender, state) = watch::channel(ConnectionState::Connecting { attempt: 1 });
         let (cancel, released) = Cancel::new();
         let kept = Arc::new(AtomicBool::new(false));
         let logs = to.carrier.as_deref().is_some_and(log_modifier::is_named);
         let reconnector = Reconnector {
-            core,
+            parts,
             logs,
             to,
             options,
@@ -177,7 +177,7 @@ impl ReconnectingConnection {
 
 /// The task behind a [`ReconnectingConnection`].
 struct Reconnector {
-    core: Arc<Core>,
+    parts: Arc<Parts>,
     to: Contact,
     /// `true` if the connection carries copies.
     logs: bool,
@@ -188,14 +188,14 @@ struct Reconnector {
 
 impl Reconnector {
     async fn run(self, mut released: Cancelled) {
-        let mut closing = self.core.closing.clone();
+        let mut closing = self.parts.context.closing.clone();
         let mut name = None;
         tokio::select! {
             () = self.keep_connected(&mut name) => {}
             () = closing.cancelled() => {}
             () = released.cancelled() => {
                 if let Some(name) = name.filter(|_| !self.kept.load(Ordering::Acquire)) {
-                    self.core.disconnect(&name).await;
+                    self.parts.connections.disconnect(&name).await;
                 }
             }
         }
@@ -223,7 +223,7 @@ impl Reconnector {
                 Ok(Err(reason)) => reason,
                 Err(_) => "connecting timed out".into(),
             };
-            let port = &self.core.name;
+            let port = &self.parts.context.name;
             tracing::info!(%port, to = %printable(&self.to.name), "no connection: {}", printable(&reason));
             self.state
                 .send_replace(ConnectionState::Disconnected { reason });
@@ -235,7 +235,7 @@ impl Reconnector {
     /// Returns the connection that there is, or else a new one.
     async fn connect(&self, name: &mut Option<String>) -> Result<Arc<SendQueue>, Arc<str>> {
         let connected = |name: &str| {
-            let outputs = self.core.outputs();
+            let outputs = self.parts.connections.outputs();
             let mut outputs = outputs.iter();
             let found = outputs.find(|output| output.to == name && output.logs == self.logs)?;
             // Connections that are not TCP cannot.
@@ -246,7 +246,7 @@ impl Reconnector {
         if let Some(send_queue) = name.as_deref().and_then(connected) {
             return Ok(send_queue);
         }
-        let connecting = self.core.connect(&self.to);
+        let connecting = self.parts.connector.connect(&self.to);
         let to = connecting
             .await
             .map_err(|error| Arc::from(error.error_chain()))?;

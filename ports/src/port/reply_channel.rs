@@ -5,8 +5,6 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::Notify;
 use yarp_wire::message::Payload;
 
-use super::received_message::Answer;
-
 /// The result of a request to a peer.
 pub(crate) type Outcome = Result<Option<Payload>, Arc<str>>;
 
@@ -22,12 +20,6 @@ pub(crate) trait SenderDropped {
 impl SenderDropped for Outcome {
     fn sender_dropped() -> Self {
         Err("closed here".into())
-    }
-}
-
-impl SenderDropped for Answer {
-    fn sender_dropped() -> Self {
-        Self::Nothing
     }
 }
 

@@ -15,9 +15,9 @@ use yarp_wire::message::Command;
 
 use super::counters::{LatestEnvelope, Traffic};
 use super::dedicated_thread::DedicatedThread;
-use super::encode_once::Form;
 use super::reply_channel::{Outcome, ReplyPool, ReplyReceiver, ReplySender};
-use super::write_batch::{Batch, DatagramBatch};
+use crate::latency::Form;
+use crate::latency::{Batch, DatagramBatch, Optimisation};
 use crate::socket::Socket;
 
 pub(crate) use transport_queue::Parcel;
@@ -143,7 +143,11 @@ impl SendQueue {
     /// Queues like [`SendQueue::push`], for messages with intervals: if nothing else is queued, the
     /// caller writes it as far as the socket accepts it, and no task is woken.
     pub(crate) fn push_now(&self, command: &Command, form: &Form) -> Result<Ticket, Arc<str>> {
-        self.put(self.state(), command, form, None, Sender::Writer)
+        let sender = match Optimisation::DirectWrite.is_enabled() {
+            true => Sender::Writer,
+            false => Sender::Task,
+        };
+        self.put(self.state(), command, form, None, sender)
     }
 
     /// Queues like [`SendQueue::push`] if earlier messages leave room, else `None`.

@@ -6,23 +6,18 @@
 //! port itself set the policy of all threads of the process, as in stock. The system must allow
 //! either.
 
-use std::fmt;
 use std::io;
-use std::net::Shutdown;
-use std::os::fd::AsFd;
-use std::sync::{Arc, Weak};
-use std::time::Duration;
+use std::sync::Arc;
 
-use socket2::{SockRef, TcpKeepalive};
-use tokio::net::TcpStream;
 use yarp_wire::carrier::{Carrier, Transport};
 use yarp_wire::qos::{Scheduling, type_of_service};
 use yarp_wire::{Bottle, Value, Vocab32};
 
-use super::admin_commands::{fail, group, ok, pair};
-use super::core::Core;
+use super::admin_reply::{fail, group, ok, pair, scheduling};
+use super::administration::Administration;
 use super::dedicated_thread::DedicatedThread;
 use super::send_queue::SendQueue;
+use super::socket_handle::SocketHandle;
 use crate::thread_schedule::{self, Schedule};
 
 /// The reason why a connection gets no dedicated thread.
@@ -36,76 +31,10 @@ const NO_SCHEDULE: Schedule = Schedule {
     priority: UNKNOWN,
 };
 
-/// A weak reference to the socket of a connection.
-#[derive(Clone)]
-pub(crate) struct SocketHandle(Weak<dyn AsFd + Send + Sync>);
-
-impl SocketHandle {
-    /// Creates a handle that does not keep the socket open.
-    pub(crate) fn of<S: AsFd + Send + Sync + 'static>(socket: &Arc<S>) -> Self {
-        let weak: Weak<S> = Arc::downgrade(socket);
-        Self(weak)
-    }
-
-    /// For a connection that has no socket.
-    pub(crate) fn none() -> Self {
-        let weak: Weak<TcpStream> = Weak::new();
-        Self(weak)
-    }
-
-    /// Shuts the socket down for writing.
-    pub(crate) fn finish(&self) {
-        // One that is gone sends nothing, either.
-        let _ = self.with(|socket, _| socket.shutdown(Shutdown::Write));
-    }
-
-    /// Returns the byte in the header of each packet.
-    fn type_of_service(&self) -> io::Result<u32> {
-        self.with(|socket, six| match six {
-            true => socket.tclass_v6(),
-            false => socket.tos_v4(),
-        })
-    }
-
-    fn set_type_of_service(&self, value: u32) -> io::Result<()> {
-        self.with(|socket, six| match six {
-            true => socket.set_tclass_v6(value),
-            false => socket.set_tos_v4(value),
-        })
-    }
-
-    /// Makes the system close a TCP connection whose peer has not responded for this long.
-    pub(crate) fn set_user_timeout(&self, silence: Duration) -> io::Result<()> {
-        let second = Duration::from_secs(1);
-        let asking = TcpKeepalive::new()
-            .with_time((silence / 2).max(second))
-            .with_interval((silence / 4).max(second));
-        self.with(|socket, _| {
-            socket.set_tcp_user_timeout(Some(silence))?;
-            socket.set_tcp_keepalive(&asking)
-        })
-    }
-
-    /// Calls `ask` with the socket, and with whether it uses IPv6.
-    fn with<T>(&self, ask: impl FnOnce(SockRef<'_>, bool) -> io::Result<T>) -> io::Result<T> {
-        let socket = self.0.upgrade().ok_or(io::ErrorKind::NotConnected)?;
-        let descriptor = socket.as_fd();
-        let socket = SockRef::from(&descriptor);
-        let six = socket.local_addr()?.is_ipv6();
-        ask(socket, six)
-    }
-}
-
-impl fmt::Debug for SocketHandle {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("SocketHandle")
-    }
-}
-
-impl Core {
+impl Administration {
     /// `[prop] [get] /PEER`: returns the properties of the connection to or from a port.
     pub(super) fn connection_properties(&self, name: &str) -> Bottle {
-        let Some(found) = self.connections(name).into_iter().next() else {
+        let Some(found) = self.connections_of(name).into_iter().next() else {
             return fail(&format!("cannot find any connection to/from {name}"));
         };
         let service = found.socket.type_of_service().ok();
@@ -131,7 +60,7 @@ impl Core {
         };
         let scheduled = |key: &str| wanted(key).map(|wanted| Scheduling::parse(wanted?));
         let refused = || Bottle::of(Vocab32::FAIL);
-        match scheduled("process").filter(|_| name == self.name) {
+        match scheduled("process").filter(|_| name == self.port.name) {
             Some(None) => return refused(),
             Some(Some(process)) => {
                 if let Err(error) = schedule_process(process) {
@@ -145,7 +74,7 @@ impl Core {
         if schedule.is_none() && quality.is_none() {
             return ok();
         }
-        let connections = self.connections(name);
+        let connections = self.connections_of(name);
         if connections.is_empty() || schedule == Some(None) {
             return refused();
         }
@@ -169,7 +98,7 @@ impl Core {
             if let Some(service) = service
                 && let Err(error) = found.socket.set_type_of_service(service)
             {
-                tracing::debug!(port = %self.name, peer = name, service, "not set: {error}");
+                tracing::debug!(port = %self.port.name, peer = name, service, "not set: {error}");
                 return unable(&error);
             }
         }
@@ -207,7 +136,7 @@ impl Core {
             let has = match place {
                 FoundAt::Output(send_queue) => send_queue.give(thread.clone()),
                 FoundAt::Input(id) => {
-                    let inputs = self.inputs();
+                    let inputs = self.connections.inputs();
                     match inputs.iter().find(|entry| entry.id == *id) {
                         Some(entry) => entry.control.give(thread.clone()),
                         // It has ended meanwhile.
@@ -220,15 +149,16 @@ impl Core {
                 has.set_schedule(schedule).map_err(reason)?;
             }
             let Schedule { policy, priority } = schedule;
-            tracing::debug!(port = %self.name, thread = has.id(), policy, priority, "a connection moved to a dedicated thread");
+            tracing::debug!(port = %self.port.name, thread = has.id(), policy, priority, "a connection moved to a dedicated thread");
         }
         Ok(())
     }
 
     /// Returns the connections to and from a port, those to it first.
-    fn connections(&self, name: &str) -> Vec<Found> {
+    fn connections_of(&self, name: &str) -> Vec<Found> {
         let moves = |carrier: &Carrier| carrier.transport != Transport::Local;
         let mut connections: Vec<_> = self
+            .connections
             .outputs()
             .iter()
             .filter(|output| output.to == name)
@@ -239,7 +169,7 @@ impl Core {
                 moves: moves(output.carrier),
             })
             .collect();
-        let inputs = self.inputs();
+        let inputs = self.connections.inputs();
         let inputs = inputs.iter().filter(|input| input.from == name);
         connections.extend(inputs.map(|input| Found {
             place: FoundAt::Input(input.id),
@@ -297,14 +227,4 @@ fn schedule_process(wanted: Scheduling) -> Result<(), String> {
         "all threads are scheduled anew"
     );
     Ok(())
-}
-
-/// `(sched ((policy P) (priority P) (tid T)))`
-pub(super) fn scheduling(schedule: Schedule, thread: i32) -> Value {
-    let policy = [
-        pair("policy", schedule.policy),
-        pair("priority", schedule.priority),
-        pair("tid", thread),
-    ];
-    group("sched", policy)
 }

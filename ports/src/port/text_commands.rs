@@ -1,9 +1,8 @@
 //! Text commands, as typed at a terminal.
 
 use std::fmt::Write;
-use std::sync::Arc;
 
-use super::core::Core;
+use super::administration::Administration;
 use super::log_modifier;
 
 /// Stock's answer to `?`.
@@ -27,31 +26,31 @@ Port command not understood.\r\n\
 Type d to send data to the port's owner.\r\n\
 Type ? for help.\r\n";
 
-impl Core {
+impl Administration {
     /// Stock's answer to `*`.
     pub(super) fn describe(&self) -> String {
         let mut out = format!(
             "This is {} at tcp://{}:{}/\r\n",
-            self.name, self.host, self.number
+            self.port.name, self.port.host, self.port.number
         );
         // Writing to a string cannot fail.
-        let outputs = self.outputs();
+        let outputs = self.connections.outputs();
         if outputs.is_empty() {
             out.push_str("There are no outgoing connections\r\n");
         }
         for output in outputs.iter() {
-            let (from, to, carrier) = (&self.name, &output.to, &output.carrier_text);
+            let (from, to, carrier) = (&self.port.name, &output.to, &output.carrier_text);
             let _ = write!(
                 out,
                 "There is an output connection from {from} to {to} using {carrier}\r\n"
             );
         }
-        let inputs = self.inputs();
+        let inputs = self.connections.inputs();
         if inputs.is_empty() {
             out.push_str("There are no incoming connections\r\n");
         }
         for input in inputs.iter() {
-            let (from, to, carrier) = (&input.from, &self.name, &input.carrier_text);
+            let (from, to, carrier) = (&input.from, &self.port.name, &input.carrier_text);
             let _ = write!(
                 out,
                 "There is an input connection from {from} to {to} using {carrier}\r\n"
@@ -61,10 +60,7 @@ impl Core {
     }
 
     /// Adds an output that a peer requests, answering in stock's words.
-    pub(super) async fn add_output_in_words(
-        self: &Arc<Self>,
-        destination: &str,
-    ) -> Result<String, String> {
+    pub(super) async fn add_output_in_words(&self, destination: &str) -> Result<String, String> {
         use crate::error::PortError;
         use crate::log_text::printable;
         // A person types `/reader`, and `/fast_tcp://reader` for another carrier.
@@ -73,9 +69,9 @@ impl Core {
             _ => destination,
         };
         let contact = yarp_wire::Contact::parse(contact);
-        match self.connect_for(&contact, true).await {
+        match self.connector.connect_for(&contact, true).await {
             Ok(reader) => {
-                let own = &self.name;
+                let own = &self.port.name;
                 let copies = match contact
                     .carrier
                     .as_deref()
@@ -92,7 +88,7 @@ impl Core {
             }
             Err(error) => {
                 let (destination_text, error_chain) = (printable(destination), error.error_chain());
-                tracing::warn!(port = %self.name, destination = %destination_text, "{}", printable(&error_chain));
+                tracing::warn!(port = %self.port.name, destination = %destination_text, "{}", printable(&error_chain));
                 Err(match error {
                     PortError::OutputsNotAllowed { .. } => "Outputs not allowed\r\n".to_owned(),
                     PortError::AlreadyConnected { .. } => {
@@ -120,10 +116,10 @@ impl Core {
 
     /// Removes outputs to a reader, answering in stock's words.
     pub(super) async fn remove_output_in_words(&self, name: &str) -> Result<String, String> {
-        if self.disconnect(name).await {
+        if self.connections.disconnect(name).await {
             Ok(format!(
                 "Removed connection from {} to {name}\r\n",
-                self.name
+                self.port.name
             ))
         } else {
             Err(format!(
@@ -134,10 +130,10 @@ impl Core {
 
     /// Removes inputs from a writer, answering in stock's words.
     pub(super) fn remove_input_in_words(&self, name: &str) -> Result<String, String> {
-        if self.drop_inputs(name) {
+        if self.connections.drop_inputs(name) {
             Ok(format!(
                 "Removing connection from {name} to {}\r\n",
-                self.name
+                self.port.name
             ))
         } else {
             Err(format!(

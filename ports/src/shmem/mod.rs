@@ -35,7 +35,7 @@ use tokio::net::TcpStream;
 use lock_waiter::LockWaiter;
 pub(crate) use shmem_handshake::{Offer, connect};
 
-use crate::busy_poll::Yielder;
+use crate::latency::{Optimisation, Yielder};
 
 /// Maximum time for which the other end may hold a lock.
 const LOCK_TIMEOUT: Duration = Duration::from_secs(if cfg!(test) { 1 } else { 5 });
@@ -231,7 +231,10 @@ impl ShmemStream {
         }
         let begin = Instant::now();
         let mut yielder = Yielder::midway();
-        while soon.load(Relaxed) && begin.elapsed() < MAX_POLL_DURATION {
+        while soon.load(Relaxed)
+            && Optimisation::ShmemPoll.is_enabled()
+            && begin.elapsed() < MAX_POLL_DURATION
+        {
             yielder.once().await;
             if ready()? {
                 return Ok(true);

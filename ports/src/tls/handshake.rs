@@ -8,7 +8,7 @@ use rustls::{ClientConnection, Connection, ServerConnection};
 
 use super::settings::Tls;
 use super::stream::TlsStream;
-use crate::tcp_stream::Tcp;
+use crate::latency::Tcp;
 
 /// Time for the whole handshake, however slowly a peer sends.
 const HANDSHAKE_TIMEOUT: Duration = Duration::from_secs(5);

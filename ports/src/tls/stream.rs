@@ -16,7 +16,7 @@ use tokio::net::TcpStream;
 use tokio::sync::Notify;
 
 use super::invalid;
-use crate::tcp_stream::Tcp;
+use crate::latency::Tcp;
 
 /// Bytes of encrypted data that wait for the system to take them, apart from what TLS adds.
 const MAX_UNSENT: usize = 64 * 1024;

@@ -2,7 +2,7 @@
 #![allow(dead_code, reason = "each test file uses a part of it")]
 
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use tokio::runtime::{Builder, Runtime};
 use yarp_devices::Device;
@@ -10,6 +10,8 @@ use yarp_devices::camera::{CameraOptions, Pattern, Scene, SimulatedCamera};
 use yarp_devices::wam::SimulatedWam;
 use yarp_nameserver::{Server, ServerOptions};
 use yarp_ports::{Network, Port, PortOptions};
+#[allow(unused_imports, reason = "each test file uses a part of it")]
+pub(crate) use yarp_testing::eventually;
 use yarp_wrappers::{
     ControlBoardOptions, ControlBoardServer, FrameGrabberOptions, FrameGrabberServer,
     RemoteControlBoard, RemoteControlBoardOptions,
@@ -95,14 +97,5 @@ impl Stage {
         names
             .filter(|name| name != "/root" && name != "fallback")
             .collect()
-    }
-}
-
-/// Waits until `condition` holds.
-pub(crate) fn eventually(what: &str, condition: impl Fn() -> bool) {
-    let deadline = Instant::now() + TEST_TIMEOUT;
-    while !condition() {
-        assert!(Instant::now() < deadline, "{what} did not come");
-        std::thread::sleep(Duration::from_millis(2));
     }
 }

@@ -71,6 +71,8 @@ impl KeyHandshake {
     /// Consumes received bytes from `input` and appends the answer to `output`; returns whether the
     /// peer has proved that it holds the key. After an error the connection must be closed.
     ///
+    /// Not a [`Ready`](crate::Ready): the handshake decodes no value, and ends with a yes.
+    ///
     /// Never consumes more than the handshake itself.
     pub fn poll(&mut self, input: &mut BytesMut, output: &mut BytesMut) -> Result<bool, AuthError> {
         while self.to_hear > 0 {
@@ -111,13 +113,9 @@ impl KeyHandshake {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use yarp_testing::from_hex as hex;
 
-    fn hex(text: &str) -> Vec<u8> {
-        let digits = text.as_bytes().chunks(2);
-        let byte = |pair: &[u8]| u8::from_str_radix(std::str::from_utf8(pair).unwrap(), 16);
-        digits.map(|pair| byte(pair).unwrap()).collect()
-    }
+    use super::*;
 
     /// Codes that another implementation of HMAC-SHA256 gave for the same key and nonces.
     #[test]

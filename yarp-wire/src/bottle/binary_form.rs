@@ -447,9 +447,7 @@ mod tests {
     use super::*;
 
     fn bytes(hex: &str) -> Bytes {
-        hex.split_whitespace()
-            .map(|byte| u8::from_str_radix(byte, 16).unwrap())
-            .collect()
+        yarp_testing::from_hex(hex).into()
     }
 
     #[track_caller]

@@ -229,6 +229,8 @@ fn bytes_of(items: &Bottle) -> Bytes {
 mod tests {
     use std::time::{Duration, Instant};
 
+    use proptest::prelude::*;
+
     use super::super::BracketBalance;
     use super::*;
 
@@ -276,7 +278,7 @@ mod tests {
         assert_eq!(list(text, 5), by_definition(text, 5), "{words:?}");
     }
 
-    /// All texts of seven characters that mean something, and longer ones that are mostly brackets.
+    /// All texts of seven characters that mean something.
     #[test]
     fn one_pass_reads_what_many_read() {
         const LETTERS: &[u8; 7] = b"(){a \"\\";
@@ -290,16 +292,14 @@ mod tests {
                 check(&digits.collect::<Vec<_>>());
             }
         }
-        const MORE: &[u8; 16] = b"((())){}ab1 ,  \"";
-        let mut state = 1_u64;
-        for round in 0..200_000 {
-            let mut next = || {
-                state = state
-                    .wrapping_mul(6_364_136_223_846_793_005)
-                    .wrapping_add(1);
-                MORE[(state >> 60) as usize]
-            };
-            let text: Vec<u8> = (0..8 + round % 40).map(|_| next()).collect();
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(20_000))]
+
+        /// Longer texts, mostly of brackets.
+        #[test]
+        fn one_pass_reads_longer_text(text in prop::collection::vec(prop::sample::select(b"((())){}ab1 ,  \"".to_vec()), 8..48)) {
             check(&text);
         }
     }

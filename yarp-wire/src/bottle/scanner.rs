@@ -4,6 +4,7 @@ use smallvec::SmallVec;
 
 use super::binary_form::{Code, DecodeError};
 use crate::limits::Limits;
+use crate::ready::Ready;
 use crate::wire_version::WireVersion;
 
 /// Scans a binary bottle without reading its values.
@@ -19,6 +20,8 @@ pub struct Scanner {
     version_detected: bool,
     started: bool,
     values: u64,
+    /// Minimum length of the bottle, when bytes were last missing.
+    at_least: usize,
 }
 
 /// Levels of nesting that need no allocation.
@@ -32,6 +35,8 @@ struct Level {
 }
 
 /// The progress of a scan.
+///
+/// Not a [`Ready`]: the length that a bottle has at least tells the caller how many bytes to read next.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum Scan {
     /// The bottle is complete.
@@ -57,6 +62,7 @@ impl Scanner {
             version_detected: false,
             started: false,
             values: 0,
+            at_least: 0,
         }
     }
 
@@ -67,16 +73,16 @@ impl Scanner {
             let Some(code) = number(bytes, 0) else {
                 return Ok(Scan::Needs { at_least: 8 });
             };
-            if let Some(need) = self.open(bytes, code, 4)? {
-                return Ok(need);
+            if self.open(bytes, code, 4)?.is_none() {
+                return Ok(self.needs());
             }
             self.started = true;
         }
         while let Some(level) = self.levels.last().copied() {
             if level.left == 0 {
                 self.levels.pop();
-            } else if let Some(need) = self.items(bytes, level)? {
-                return Ok(need);
+            } else if self.items(bytes, level)?.is_none() {
+                return Ok(self.needs());
             }
         }
         Ok(Scan::Complete { length: self.at })
@@ -93,7 +99,7 @@ impl Scanner {
     }
 
     /// Enters a list whose code has been read and whose count is at `at`.
-    fn open(&mut self, bytes: &[u8], code: i32, at: usize) -> Result<Option<Scan>, DecodeError> {
+    fn open(&mut self, bytes: &[u8], code: i32, at: usize) -> Ready<(), DecodeError> {
         let unit =
             Code::of_items(code, self.wire_version).map_err(|code| DecodeError::UnknownCode {
                 code,
@@ -106,7 +112,7 @@ impl Scanner {
             });
         }
         let Some(count) = number(bytes, at) else {
-            return Ok(Some(Scan::Needs { at_least: at + 4 }));
+            return Ok(self.missing(at + 4));
         };
         if let Some(unit) = unit
             && count > 0
@@ -120,20 +126,20 @@ impl Scanner {
             // A negative count reads as none, as in stock.
             left: count.max(0) as u32,
         });
-        Ok(None)
+        Ok(Some(()))
     }
 
     /// Passes over items of the innermost list until it ends, opens another or runs out of bytes.
-    fn items(&mut self, bytes: &[u8], level: Level) -> Result<Option<Scan>, DecodeError> {
+    fn items(&mut self, bytes: &[u8], level: Level) -> Ready<(), DecodeError> {
         if let Some(width) = level.unit.and_then(Code::width) {
             let end = self.at + width * level.left as usize;
             self.within(end)?;
             if bytes.len() < end {
-                return Ok(Some(Scan::Needs { at_least: end }));
+                return Ok(self.missing(end));
             }
             self.at = end;
             self.set_left(0);
-            return Ok(None);
+            return Ok(Some(()));
         }
         for left in (0..level.left).rev() {
             let mut at = self.at;
@@ -141,7 +147,7 @@ impl Scanner {
                 Some(code) => code,
                 None => {
                     let Some(code) = number(bytes, at) else {
-                        return Ok(Some(Scan::Needs { at_least: at + 4 }));
+                        return Ok(self.missing(at + 4));
                     };
                     at += 4;
                     let kind =
@@ -159,14 +165,14 @@ impl Scanner {
             let end = match (code, code.width()) {
                 (Code::Dictionary, _) => {
                     let Some(code) = number(bytes, at) else {
-                        return Ok(Some(Scan::Needs { at_least: at + 8 }));
+                        return Ok(self.missing(at + 8));
                     };
                     return self.nested(bytes, code, at + 4, left);
                 }
                 (_, Some(width)) => at + width,
                 (_, None) => {
                     let Some(length) = number(bytes, at) else {
-                        return Ok(Some(Scan::Needs { at_least: at + 4 }));
+                        return Ok(self.missing(at + 4));
                     };
                     let length = usize::try_from(length)
                         .map_err(|_| DecodeError::NegativeLength { length, at })?;
@@ -175,29 +181,34 @@ impl Scanner {
             };
             self.within(end)?;
             if bytes.len() < end {
-                return Ok(Some(Scan::Needs { at_least: end }));
+                return Ok(self.missing(end));
             }
             self.version_detected |= code.is_version_specific();
             self.at = end;
             self.set_left(left);
         }
-        Ok(None)
+        Ok(Some(()))
     }
 
     /// Enters a list that is an item; the list around it has `left` items after it.
-    fn nested(
-        &mut self,
-        bytes: &[u8],
-        code: i32,
-        at: usize,
-        left: u32,
-    ) -> Result<Option<Scan>, DecodeError> {
+    fn nested(&mut self, bytes: &[u8], code: i32, at: usize, left: u32) -> Ready<(), DecodeError> {
         let around = self.levels.len() - 1;
-        let need = self.open(bytes, code, at)?;
-        if need.is_none() {
+        let entered = self.open(bytes, code, at)?;
+        if entered.is_some() {
             self.levels[around].left = left;
         }
-        Ok(need)
+        Ok(entered)
+    }
+
+    /// Takes note that the bottle is longer than what has arrived.
+    fn missing(&mut self, at_least: usize) -> Option<()> {
+        self.at_least = at_least;
+        None
+    }
+
+    fn needs(&self) -> Scan {
+        let at_least = self.at_least;
+        Scan::Needs { at_least }
     }
 
     fn set_left(&mut self, left: u32) {

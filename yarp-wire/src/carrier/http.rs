@@ -11,6 +11,7 @@ use crate::protocol::{
     AnonymousHandshake, HandshakeDecoder, Incoming, MessageDecoder, PayloadKind, Protocol,
     ProtocolError, ReplyDecoder, TextReplyDecoder,
 };
+use crate::ready::Ready;
 use crate::wire_version::WireVersion;
 
 /// `GET /` or `POST /form`; the requests of `mjpeg` and `websocket` begin alike and are not meant.
@@ -48,7 +49,7 @@ impl Protocol for Http {
         output.put_slice(&carrier.magic);
     }
 
-    /// Returns the magic is the beginning of the request.
+    /// Leaves the magic in `input`: it is the beginning of the request.
     fn handshake_decoder(
         &self,
         _carrier: &'static Carrier,
@@ -98,7 +99,7 @@ impl MessageDecoder for HttpRequestDecoder {
         &mut self,
         input: &mut BytesMut,
         output: &mut BytesMut,
-    ) -> Result<Option<Incoming>, ProtocolError> {
+    ) -> Ready<Incoming, ProtocolError> {
         let request = self.reader.read(input, self.limits);
         let request = request.map_err(|error| unreadable(error, output))?;
         Ok(request.map(Incoming::Request))

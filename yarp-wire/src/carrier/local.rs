@@ -10,6 +10,7 @@ use crate::protocol::{
     Handshake, HandshakeDecoder, MessageDecoder, PayloadKind, Protocol, ProtocolError,
     ReplyDecoder, UNINDEXED,
 };
+use crate::ready::Ready;
 use crate::wire_version::WireVersion;
 
 /// Without acknowledgements, as in stock; a reader of the same process reports completion directly.
@@ -74,7 +75,7 @@ impl HandshakeDecoder for OtherProcessRejector {
         _limits: Limits,
         _input: &mut BytesMut,
         _output: &mut BytesMut,
-    ) -> Result<Option<Handshake>, ProtocolError> {
+    ) -> Ready<Handshake, ProtocolError> {
         Err(ProtocolError::OtherProcess)
     }
 }

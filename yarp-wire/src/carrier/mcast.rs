@@ -11,6 +11,7 @@ use crate::protocol::{
     BinaryHandshakeDecoder, Handshake, HandshakeDecoder, INDEXED, MessageDecoder, PayloadKind,
     Protocol, ProtocolError, ReplyDecoder, indexed_answers,
 };
+use crate::ready::Ready;
 use crate::wire_version::WireVersion;
 
 /// After the header the initiator names the group; there is no reply.
@@ -85,7 +86,7 @@ impl HandshakeDecoder for GroupHandshakeDecoder {
         _limits: Limits,
         input: &mut BytesMut,
         _output: &mut BytesMut,
-    ) -> Result<Option<Handshake>, ProtocolError> {
+    ) -> Ready<Handshake, ProtocolError> {
         if self.0.is_none() {
             self.0 = BinaryHandshakeDecoder::sender(input)?;
         }

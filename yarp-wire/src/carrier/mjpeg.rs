@@ -11,6 +11,7 @@ use crate::protocol::{
     Handshake, HandshakeDecoder, Incoming, InitiatorState, MessageDecoder, PayloadKind, Progress,
     Protocol, ProtocolError, ReplyDecoder,
 };
+use crate::ready::Ready;
 use crate::wire_version::WireVersion;
 
 /// `GET /?action=stream`, of which the magic is the beginning.
@@ -43,7 +44,7 @@ impl Protocol for Mjpeg {
         output.put_slice(&carrier.magic);
     }
 
-    /// Returns the magic is the beginning of the request.
+    /// Leaves the magic in `input`: it is the beginning of the request.
     fn handshake_decoder(
         &self,
         _carrier: &'static Carrier,
@@ -79,7 +80,7 @@ impl HandshakeDecoder for MjpegHandshakeDecoder {
         limits: Limits,
         input: &mut BytesMut,
         output: &mut BytesMut,
-    ) -> Result<Option<Handshake>, ProtocolError> {
+    ) -> Ready<Handshake, ProtocolError> {
         if self.0.read(input, limits)?.is_none() {
             return Ok(None);
         }
@@ -97,7 +98,7 @@ impl MessageDecoder for NoMessages {
         &mut self,
         _input: &mut BytesMut,
         _output: &mut BytesMut,
-    ) -> Result<Option<Incoming>, ProtocolError> {
+    ) -> Ready<Incoming, ProtocolError> {
         Ok(None)
     }
 }
@@ -107,7 +108,7 @@ impl ReplyDecoder for NoMessages {
         &mut self,
         _asked: &mut InitiatorState,
         input: &mut BytesMut,
-    ) -> Result<Option<Progress>, ProtocolError> {
+    ) -> Ready<Progress, ProtocolError> {
         input.clear();
         Ok(None)
     }

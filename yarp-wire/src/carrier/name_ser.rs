@@ -9,6 +9,7 @@ use crate::protocol::{
     AnonymousHandshake, HandshakeDecoder, Incoming, LineReader, Message, MessageDecoder,
     PayloadKind, Protocol, ProtocolError, ReplyDecoder, TextReplyDecoder,
 };
+use crate::ready::Ready;
 use crate::wire_version::WireVersion;
 
 /// The first eight letters of `NAME_SERVER` select it.
@@ -36,7 +37,7 @@ impl Protocol for NameSer {
         PayloadKind::Text
     }
 
-    /// Returns the magic is the beginning of the first message.
+    /// Writes nothing: the magic is the beginning of the first message.
     fn put_header(&self, _carrier: &Carrier, _sender: &Sender, _output: &mut BytesMut) {}
 
     fn handshake_decoder(
@@ -83,7 +84,7 @@ impl MessageDecoder for NameSerMessageDecoder {
         &mut self,
         input: &mut BytesMut,
         _output: &mut BytesMut,
-    ) -> Result<Option<Incoming>, ProtocolError> {
+    ) -> Ready<Incoming, ProtocolError> {
         let skipped = input.len().min(self.skip);
         input.advance(skipped);
         self.skip -= skipped;

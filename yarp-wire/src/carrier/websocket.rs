@@ -10,6 +10,7 @@ use crate::protocol::{
     Handshake, HandshakeDecoder, Incoming, InitiatorState, Message, MessageDecoder, PayloadKind,
     Progress, Protocol, ProtocolError, ReplyDecoder, UNINDEXED, UnindexedMessageDecoder,
 };
+use crate::ready::Ready;
 use crate::websocket::{self, FrameReader, WebSocketError, put_close, put_frame_head};
 use crate::wire_version::WireVersion;
 
@@ -43,7 +44,7 @@ impl Protocol for Websocket {
         output.put_slice(&carrier.magic);
     }
 
-    /// Returns the magic is the beginning of the request.
+    /// Leaves the magic in `input`: it is the beginning of the request.
     fn handshake_decoder(
         &self,
         _carrier: &'static Carrier,
@@ -106,7 +107,7 @@ impl HandshakeDecoder for UpgradeDecoder {
         limits: Limits,
         input: &mut BytesMut,
         output: &mut BytesMut,
-    ) -> Result<Option<Handshake>, ProtocolError> {
+    ) -> Ready<Handshake, ProtocolError> {
         let Some(request) = self.0.read(input, limits)? else {
             return Ok(None);
         };
@@ -131,7 +132,7 @@ impl FramedMessageDecoder {
         &mut self,
         input: &mut BytesMut,
         output: &mut BytesMut,
-    ) -> Result<Option<Message>, ProtocolError> {
+    ) -> Ready<Message, ProtocolError> {
         loop {
             // Bytes of earlier frames are used before later frames are parsed, which may be
             // invalid.
@@ -146,7 +147,7 @@ impl FramedMessageDecoder {
                 let command = Command::Quit;
                 return Ok(Some(Message { command, payload }));
             }
-            if !self.frames.step(input, output)? {
+            if self.frames.step(input, output)?.is_none() {
                 return Ok(None);
             }
         }
@@ -158,7 +159,7 @@ impl MessageDecoder for FramedMessageDecoder {
         &mut self,
         input: &mut BytesMut,
         output: &mut BytesMut,
-    ) -> Result<Option<Incoming>, ProtocolError> {
+    ) -> Ready<Incoming, ProtocolError> {
         if self.over {
             return Ok(None);
         }
@@ -201,7 +202,7 @@ impl ReplyDecoder for FramedReplyDecoder {
         &mut self,
         initiator_state: &mut InitiatorState,
         input: &mut BytesMut,
-    ) -> Result<Option<Progress>, ProtocolError> {
+    ) -> Ready<Progress, ProtocolError> {
         loop {
             let progress = self
                 .answers
@@ -209,7 +210,7 @@ impl ReplyDecoder for FramedReplyDecoder {
             if progress.is_none() && self.frames.is_closed() {
                 return Err(WebSocketError::Closed.into());
             }
-            if progress.is_some() || !self.frames.step(input, &mut self.said)? {
+            if progress.is_some() || self.frames.step(input, &mut self.said)?.is_none() {
                 return Ok(progress);
             }
         }

@@ -14,6 +14,7 @@ use crate::message::{Command, Form, WireObject};
 use crate::protocol::{
     Handshake, HandshakeDecoder, Incoming, Message, MessageDecoder, ProtocolError,
 };
+use crate::ready::Ready;
 use crate::wire_version::WireVersion;
 
 /// An event of an acceptor.
@@ -109,7 +110,7 @@ impl Acceptor {
         &mut self,
         input: &mut BytesMut,
         output: &mut BytesMut,
-    ) -> Result<Option<Event>, ProtocolError> {
+    ) -> Ready<Event, ProtocolError> {
         loop {
             match &mut self.state {
                 State::Magic => {

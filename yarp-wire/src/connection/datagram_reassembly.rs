@@ -5,6 +5,7 @@ use bytes::BytesMut;
 use crate::datagram;
 use crate::limits::Limits;
 use crate::protocol::{IndexedMessageDecoder, Message, ProtocolError};
+use crate::ready::Ready;
 use crate::wire_version::WireVersion;
 
 /// Reassembles messages from datagrams that may be lost, duplicated, reordered or damaged.
@@ -40,7 +41,7 @@ impl DatagramReassembler {
     /// Takes a datagram; returns the message that it completes.
     ///
     /// Only a message that contradicts itself is an error; the reader can continue after it.
-    pub fn receive(&mut self, bytes: &[u8]) -> Result<Option<Message>, ProtocolError> {
+    pub fn receive(&mut self, bytes: &[u8]) -> Ready<Message, ProtocolError> {
         let datagram = match datagram::decode(bytes) {
             Ok(datagram) if datagram.number == datagram::WAKE_UP => return Ok(None),
             Ok(datagram) => datagram,

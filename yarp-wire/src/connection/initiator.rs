@@ -8,6 +8,7 @@ use crate::carrier::{Carrier, Sender};
 use crate::limits::Limits;
 use crate::message::{Command, WireObject};
 use crate::protocol::{InitiatorState, PendingReply, Progress, ProtocolError, ReplyDecoder};
+use crate::ready::Ready;
 use crate::wire_version::WireVersion;
 
 /// The side of a connection that connected.
@@ -146,7 +147,7 @@ impl Initiator {
     }
 
     /// Takes the next event from `input`, or `None` while bytes are missing.
-    pub fn poll(&mut self, input: &mut BytesMut) -> Result<Option<Progress>, ProtocolError> {
+    pub fn poll(&mut self, input: &mut BytesMut) -> Ready<Progress, ProtocolError> {
         if self.ready {
             return self.answers.read(&mut self.initiator_state, input);
         }

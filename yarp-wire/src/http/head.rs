@@ -2,6 +2,7 @@
 
 use crate::limits::Limits;
 use crate::protocol::ProtocolError;
+use crate::ready::Ready;
 
 /// Longest first line and headers together.
 const HEAD_LIMIT: usize = 64 * 1024;
@@ -16,7 +17,7 @@ impl HeadSearch {
     /// Returns where the empty line behind the headers ends; `None` while bytes are missing.
     ///
     /// `input` begins with the first letter of the request and holds at least what earlier calls saw.
-    pub fn end(&mut self, input: &[u8]) -> Result<Option<usize>, ProtocolError> {
+    pub fn end(&mut self, input: &[u8]) -> Ready<usize, ProtocolError> {
         // An end that began in what was there before takes up to three bytes of it.
         let from = self.searched.min(input.len()).saturating_sub(3);
         self.searched = input.len();

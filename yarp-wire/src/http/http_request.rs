@@ -5,6 +5,7 @@ use bytes::BytesMut;
 use super::{Admission, Head, HeadSearch};
 use crate::connection::ProtocolError;
 use crate::limits::Limits;
+use crate::ready::Ready;
 
 /// A request for a page.
 #[derive(Clone, Debug, Default, Eq, PartialEq)]
@@ -31,11 +32,7 @@ pub struct RequestReader {
 impl RequestReader {
     /// Takes the request from `input`, which begins with its first letter; `None` while bytes are
     /// missing.
-    pub fn read(
-        &mut self,
-        input: &mut BytesMut,
-        limits: Limits,
-    ) -> Result<Option<Request>, ProtocolError> {
+    pub fn read(&mut self, input: &mut BytesMut, limits: Limits) -> Ready<Request, ProtocolError> {
         let head = match self.head.take() {
             Some(head) => head,
             None => {

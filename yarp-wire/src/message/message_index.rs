@@ -3,6 +3,7 @@
 use bytes::BufMut;
 
 use crate::framed_number;
+use crate::ready::Ready;
 
 /// The size that a binary message announces.
 ///
@@ -54,7 +55,7 @@ pub enum IndexError {
 impl Index {
     /// Reads an index at the start of `bytes`: the index and its own size, or `None` while bytes
     /// are missing.
-    pub fn read(bytes: &[u8], limit: usize) -> Result<Option<(Self, usize)>, IndexError> {
+    pub fn read(bytes: &[u8], limit: usize) -> Ready<(Self, usize), IndexError> {
         let Some(head) = bytes.first_chunk::<{ framed_number::LEN }>() else {
             return Ok(None);
         };

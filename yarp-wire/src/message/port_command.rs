@@ -1,5 +1,6 @@
 //! Commands of messages to a port.
 
+use crate::ready::Ready;
 use bytes::{BufMut, Bytes};
 
 /// The command in front of every message on a carrier that can escape.
@@ -114,10 +115,7 @@ impl Command {
     /// Reads a block at the start of a stream; `None` while bytes are missing. Its string may have
     /// [`SPELLED_LIMIT`] bytes. `searched` is kept by the caller while the stream grows, 0 at first, and holds how far the end of the
     /// string was looked for.
-    pub fn read_prefix(
-        stream: &[u8],
-        searched: &mut usize,
-    ) -> Result<Option<(Self, usize)>, CommandError> {
+    pub fn read_prefix(stream: &[u8], searched: &mut usize) -> Ready<(Self, usize), CommandError> {
         let Some(block) = stream.first_chunk::<BLOCK>() else {
             return Ok(None);
         };

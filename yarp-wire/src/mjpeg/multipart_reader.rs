@@ -3,6 +3,7 @@
 use bytes::{Buf, Bytes, BytesMut};
 
 use crate::limits::Limits;
+use crate::ready::Ready;
 
 /// One part of a response.
 #[derive(Clone, Debug, Eq, PartialEq)]
@@ -103,15 +104,15 @@ impl PartReader {
         }
     }
 
-    /// Reads only the head of the response; returns whether it is complete.
-    pub fn open(&mut self, input: &mut BytesMut) -> Result<bool, MjpegError> {
+    /// Reads only the head of the response.
+    pub fn open(&mut self, input: &mut BytesMut) -> Ready<(), MjpegError> {
         while matches!(self.state, State::Status | State::Headers { .. }) {
             match self.line(input)? {
                 Some(line) => self.take(&line)?,
-                None => return Ok(false),
+                None => return Ok(None),
             }
         }
-        Ok(true)
+        Ok(Some(()))
     }
 
     /// Returns the number of bytes that the current part still needs, as far as announced.
@@ -123,7 +124,7 @@ impl PartReader {
     }
 
     /// Takes the next part from `input`, or `None` while bytes are missing.
-    pub fn read(&mut self, input: &mut BytesMut) -> Result<Option<Part>, MjpegError> {
+    pub fn read(&mut self, input: &mut BytesMut) -> Ready<Part, MjpegError> {
         loop {
             match &mut self.state {
                 State::Body { kind, length } => {
@@ -167,7 +168,7 @@ impl PartReader {
     }
 
     /// One line of a head without its end.
-    fn line(&mut self, input: &mut BytesMut) -> Result<Option<String>, MjpegError> {
+    fn line(&mut self, input: &mut BytesMut) -> Ready<String, MjpegError> {
         let limit = MAX_HEAD_LEN;
         let room = limit - self.head;
         let end = input.iter().take(room).position(|byte| *byte == b'\n');

@@ -11,6 +11,7 @@ use crate::carrier::{Carrier, MAGIC, Sender};
 use crate::framed_number;
 use crate::limits::Limits;
 use crate::message::{Form, Payload};
+use crate::ready::Ready;
 
 /// Longest sender name, modifiers included. Stock reads 1000.
 pub(super) const MAX_SENDER_LEN: usize = 4096;
@@ -39,7 +40,7 @@ impl BinaryHandshakeDecoder {
     }
 
     /// Takes the sender; `None` while bytes are missing.
-    pub(crate) fn sender(input: &mut BytesMut) -> Result<Option<Sender>, ProtocolError> {
+    pub(crate) fn sender(input: &mut BytesMut) -> Ready<Sender, ProtocolError> {
         let Some(length) = input.first_chunk::<4>() else {
             return Ok(None);
         };
@@ -68,7 +69,7 @@ impl HandshakeDecoder for BinaryHandshakeDecoder {
         _limits: Limits,
         input: &mut BytesMut,
         output: &mut BytesMut,
-    ) -> Result<Option<Handshake>, ProtocolError> {
+    ) -> Ready<Handshake, ProtocolError> {
         let Some(sender) = Self::sender(input)? else {
             return Ok(None);
         };
@@ -78,9 +79,9 @@ impl HandshakeDecoder for BinaryHandshakeDecoder {
 }
 
 /// Takes the answer to a header.
-type ReadHeader = fn(&mut BytesMut) -> Result<Option<i32>, ProtocolError>;
-/// Takes an acknowledgement; `false` while bytes are missing.
-type ReadAcknowledgement = fn(&mut BytesMut, Limits) -> Result<bool, ProtocolError>;
+type ReadHeader = fn(&mut BytesMut) -> Ready<i32, ProtocolError>;
+/// Takes an acknowledgement.
+type ReadAcknowledgement = fn(&mut BytesMut, Limits) -> Ready<(), ProtocolError>;
 
 /// Decodes binary replies; the header reply and acknowledgements depend on the protocol.
 #[derive(Debug)]
@@ -104,7 +105,7 @@ impl BinaryReplyDecoder {
         &mut self,
         initiator_state: &mut InitiatorState,
         input: &mut BytesMut,
-    ) -> Result<Option<Payload>, ProtocolError> {
+    ) -> Ready<Payload, ProtocolError> {
         if initiator_state.carrier.acknowledges {
             // Stock acceptors whose owner gives no reply only acknowledge. No bottle starts so.
             match input.first_chunk::<{ framed_number::LEN }>() {
@@ -136,7 +137,7 @@ impl BinaryReplyDecoder {
         &mut self,
         initiator_state: &mut InitiatorState,
         input: &BytesMut,
-    ) -> Result<Option<usize>, ProtocolError> {
+    ) -> Ready<usize, ProtocolError> {
         let scanner = self.scanner.get_or_insert_with(|| {
             Scanner::new(initiator_state.wire_version, initiator_state.limits)
         });
@@ -168,7 +169,7 @@ impl ReplyDecoder for BinaryReplyDecoder {
         &mut self,
         _asked: &InitiatorState,
         input: &mut BytesMut,
-    ) -> Result<Option<i32>, ProtocolError> {
+    ) -> Ready<i32, ProtocolError> {
         (self.header)(input)
     }
 
@@ -176,7 +177,7 @@ impl ReplyDecoder for BinaryReplyDecoder {
         &mut self,
         initiator_state: &mut InitiatorState,
         input: &mut BytesMut,
-    ) -> Result<Option<Progress>, ProtocolError> {
+    ) -> Ready<Progress, ProtocolError> {
         let progress = match initiator_state.waiting.front() {
             None => match input.len() {
                 0 => return Ok(None),
@@ -188,7 +189,7 @@ impl ReplyDecoder for BinaryReplyDecoder {
                 count => return Err(ProtocolError::Unexpected { count }),
             },
             Some(PendingReply::Acknowledgement) => {
-                (self.acknowledgement)(input, initiator_state.limits)?.then_some(Progress::Done)
+                (self.acknowledgement)(input, initiator_state.limits)?.map(|()| Progress::Done)
             }
             Some(PendingReply::Reply | PendingReply::Lines) => {
                 self.reply(initiator_state, input)?.map(Progress::Reply)

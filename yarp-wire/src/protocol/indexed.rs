@@ -11,6 +11,7 @@ use crate::carrier::{Carrier, Sender, Transport};
 use crate::framed_number;
 use crate::limits::Limits;
 use crate::message::{Command, Form, Index, Payload};
+use crate::ready::Ready;
 use crate::wire_version::WireVersion;
 
 /// Messages with an index.
@@ -69,7 +70,7 @@ pub fn header_reply(port: u16, output: &mut BytesMut) {
     framed_number::put(output, i32::from(port));
 }
 
-fn take_header_reply(input: &mut BytesMut) -> Result<Option<i32>, ProtocolError> {
+fn take_header_reply(input: &mut BytesMut) -> Ready<i32, ProtocolError> {
     let Some(reply) = input.first_chunk::<{ framed_number::LEN }>() else {
         return Ok(None);
     };
@@ -80,25 +81,25 @@ fn take_header_reply(input: &mut BytesMut) -> Result<Option<i32>, ProtocolError>
 
 /// Answers behind a header that is answered so.
 pub(crate) fn answers(
-    header: fn(&mut BytesMut) -> Result<Option<i32>, ProtocolError>,
+    header: fn(&mut BytesMut) -> Ready<i32, ProtocolError>,
 ) -> BinaryReplyDecoder {
     BinaryReplyDecoder::new(header, take_acknowledgement)
 }
 
 /// Consumes an acknowledgement: a number, and that many bytes without meaning.
-fn take_acknowledgement(input: &mut BytesMut, limits: Limits) -> Result<bool, ProtocolError> {
+fn take_acknowledgement(input: &mut BytesMut, limits: Limits) -> Ready<(), ProtocolError> {
     let Some(head) = input.first_chunk::<{ framed_number::LEN }>() else {
-        return Ok(false);
+        return Ok(None);
     };
     let discard = framed_number::decode(head)
         .and_then(|n| usize::try_from(n).ok())
         .filter(|n| *n <= limits.line)
         .ok_or_else(|| ProtocolError::Acknowledgement { got: head.to_vec() })?;
     if input.len() < framed_number::LEN + discard {
-        return Ok(false);
+        return Ok(None);
     }
     input.advance(framed_number::LEN + discard);
-    Ok(true)
+    Ok(Some(()))
 }
 
 /// Takes messages with an index.
@@ -120,7 +121,7 @@ impl IndexedMessageDecoder {
     }
 
     /// Takes the next message from `input`, or `None` while bytes are missing.
-    pub(crate) fn take(&mut self, input: &mut BytesMut) -> Result<Option<Message>, ProtocolError> {
+    pub(crate) fn take(&mut self, input: &mut BytesMut) -> Ready<Message, ProtocolError> {
         let total = match self.total {
             Some(total) => total,
             None => match Index::read(input, self.limits.message)? {
@@ -152,7 +153,7 @@ impl MessageDecoder for IndexedMessageDecoder {
         &mut self,
         input: &mut BytesMut,
         _output: &mut BytesMut,
-    ) -> Result<Option<Incoming>, ProtocolError> {
+    ) -> Ready<Incoming, ProtocolError> {
         Ok(self.take(input)?.map(Incoming::Message))
     }
 

@@ -3,6 +3,7 @@
 use bytes::{Buf, Bytes, BytesMut};
 
 use super::ProtocolError;
+use crate::ready::Ready;
 
 /// Lines of which the room is kept.
 const MAX_RETAINED_CAPACITY: usize = 4 * 1024;
@@ -27,7 +28,7 @@ impl LineReader {
     }
 
     /// Takes bytes from `input` up to and including the end of a line.
-    pub(crate) fn read(&mut self, input: &mut BytesMut) -> Result<Option<Bytes>, ProtocolError> {
+    pub(crate) fn read(&mut self, input: &mut BytesMut) -> Ready<Bytes, ProtocolError> {
         while !input.is_empty() {
             let end = input.iter().position(|byte| *byte == b'\n');
             let piece = &input[..end.unwrap_or(input.len())];

@@ -26,6 +26,7 @@ use crate::carrier::{Carrier, Sender};
 use crate::http::{Request, Service};
 use crate::limits::Limits;
 use crate::message::{Command, Payload, WireObject};
+use crate::ready::Ready;
 use crate::wire_version::WireVersion;
 
 pub use indexed::{INDEXED, header_reply};
@@ -141,7 +142,7 @@ pub trait HandshakeDecoder: fmt::Debug + Send + Sync {
         limits: Limits,
         input: &mut BytesMut,
         output: &mut BytesMut,
-    ) -> Result<Option<Handshake>, ProtocolError>;
+    ) -> Ready<Handshake, ProtocolError>;
 }
 
 /// The content of a header.
@@ -172,7 +173,7 @@ impl HandshakeDecoder for AnonymousHandshake {
         _limits: Limits,
         _input: &mut BytesMut,
         _output: &mut BytesMut,
-    ) -> Result<Option<Handshake>, ProtocolError> {
+    ) -> Ready<Handshake, ProtocolError> {
         Ok(Some(Handshake::by(Sender::plain(self.0))))
     }
 }
@@ -185,7 +186,7 @@ pub trait MessageDecoder: fmt::Debug + Send + Sync {
         &mut self,
         input: &mut BytesMut,
         output: &mut BytesMut,
-    ) -> Result<Option<Incoming>, ProtocolError>;
+    ) -> Ready<Incoming, ProtocolError>;
 
     /// Returns the number of bytes that the current message still needs, as far as announced and
     /// not yet consumed from `input`.
@@ -229,7 +230,7 @@ pub trait ReplyDecoder: fmt::Debug + Send + Sync {
         &mut self,
         _asked: &InitiatorState,
         _input: &mut BytesMut,
-    ) -> Result<Option<i32>, ProtocolError> {
+    ) -> Ready<i32, ProtocolError> {
         Ok(Some(0))
     }
 
@@ -241,7 +242,7 @@ pub trait ReplyDecoder: fmt::Debug + Send + Sync {
         &mut self,
         initiator_state: &mut InitiatorState,
         input: &mut BytesMut,
-    ) -> Result<Option<Progress>, ProtocolError>;
+    ) -> Ready<Progress, ProtocolError>;
 
     /// Returns the automatic answers of the protocol.
     fn take_output(&mut self) -> BytesMut {

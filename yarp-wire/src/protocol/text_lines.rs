@@ -11,6 +11,7 @@ use crate::bottle::BracketBalance;
 use crate::carrier::{Carrier, MAGIC, Sender};
 use crate::limits::Limits;
 use crate::message::{Command, Form, Payload};
+use crate::ready::Ready;
 use crate::wire_version::WireVersion;
 
 /// Lines of text.
@@ -100,7 +101,7 @@ impl HandshakeDecoder for TextHandshakeDecoder {
         _limits: Limits,
         input: &mut BytesMut,
         output: &mut BytesMut,
-    ) -> Result<Option<Handshake>, ProtocolError> {
+    ) -> Ready<Handshake, ProtocolError> {
         let Some(name) = self.0.read(input)? else {
             return Ok(None);
         };
@@ -119,7 +120,7 @@ struct Text {
 
 impl Text {
     /// Takes a line; gives the value that it completes.
-    fn take(&mut self, line: Bytes, limit: usize) -> Result<Option<Bytes>, ProtocolError> {
+    fn take(&mut self, line: Bytes, limit: usize) -> Ready<Bytes, ProtocolError> {
         if self.bytes.len() + line.len() > limit {
             return Err(ProtocolError::LineTooLong { limit });
         }
@@ -155,7 +156,7 @@ struct TextMessageDecoder {
 }
 
 impl TextMessageDecoder {
-    fn take(&mut self, input: &mut BytesMut) -> Result<Option<Message>, ProtocolError> {
+    fn take(&mut self, input: &mut BytesMut) -> Ready<Message, ProtocolError> {
         while let Some(line) = self.line.read(input)? {
             match self.begun.take() {
                 Some((command, mut text)) => match text.take(line, self.limit)? {
@@ -180,7 +181,7 @@ impl MessageDecoder for TextMessageDecoder {
         &mut self,
         input: &mut BytesMut,
         _output: &mut BytesMut,
-    ) -> Result<Option<Incoming>, ProtocolError> {
+    ) -> Ready<Incoming, ProtocolError> {
         Ok(self.take(input)?.map(Incoming::Message))
     }
 }
@@ -241,7 +242,7 @@ impl TextReplyDecoder {
         acknowledges: bool,
         limit: usize,
         line: Bytes,
-    ) -> Result<Option<Progress>, ProtocolError> {
+    ) -> Ready<Progress, ProtocolError> {
         Ok(match waiting {
             PendingReply::Acknowledgement => Some(Progress::Done),
             PendingReply::Lines if line == ACKNOWLEDGEMENT_LINE => {
@@ -273,7 +274,7 @@ impl ReplyDecoder for TextReplyDecoder {
         &mut self,
         initiator_state: &InitiatorState,
         input: &mut BytesMut,
-    ) -> Result<Option<i32>, ProtocolError> {
+    ) -> Ready<i32, ProtocolError> {
         if initiator_state.carrier.acknowledges && !self.welcomed {
             if self.line.read(input)?.is_none() {
                 return Ok(None);
@@ -291,7 +292,7 @@ impl ReplyDecoder for TextReplyDecoder {
         &mut self,
         initiator_state: &mut InitiatorState,
         input: &mut BytesMut,
-    ) -> Result<Option<Progress>, ProtocolError> {
+    ) -> Ready<Progress, ProtocolError> {
         if std::mem::take(&mut self.acknowledged_early) {
             initiator_state.waiting.pop_front();
             return Ok(Some(Progress::Done));

@@ -12,6 +12,7 @@ use crate::bottle::{Scan, Scanner};
 use crate::carrier::{Carrier, Sender};
 use crate::limits::Limits;
 use crate::message::{Command, Form, Payload};
+use crate::ready::Ready;
 use crate::wire_version::WireVersion;
 
 /// Messages without an index.
@@ -68,15 +69,15 @@ pub(crate) fn answers() -> BinaryReplyDecoder {
     BinaryReplyDecoder::new(|_| Ok(Some(0)), |input, _| take_acknowledgement(input))
 }
 
-fn take_acknowledgement(input: &mut BytesMut) -> Result<bool, ProtocolError> {
+fn take_acknowledgement(input: &mut BytesMut) -> Ready<(), ProtocolError> {
     let Some(word) = input.first_chunk::<{ ACKNOWLEDGEMENT.len() }>() else {
-        return Ok(false);
+        return Ok(None);
     };
     if word != ACKNOWLEDGEMENT {
         return Err(ProtocolError::Acknowledgement { got: word.to_vec() });
     }
     input.advance(word.len());
-    Ok(true)
+    Ok(Some(()))
 }
 
 /// Takes messages without an index.
@@ -109,7 +110,7 @@ impl UnindexedMessageDecoder {
     }
 
     /// Takes the next message from `input`, or `None` while bytes are missing.
-    pub(crate) fn take(&mut self, input: &mut BytesMut) -> Result<Option<Message>, ProtocolError> {
+    pub(crate) fn take(&mut self, input: &mut BytesMut) -> Ready<Message, ProtocolError> {
         let mut begun = match self.begun.take() {
             Some(begun) => begun,
             None => {
@@ -162,7 +163,7 @@ impl MessageDecoder for UnindexedMessageDecoder {
         &mut self,
         input: &mut BytesMut,
         _output: &mut BytesMut,
-    ) -> Result<Option<Incoming>, ProtocolError> {
+    ) -> Ready<Incoming, ProtocolError> {
         Ok(self.take(input)?.map(Incoming::Message))
     }
 

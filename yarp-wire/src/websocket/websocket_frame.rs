@@ -3,6 +3,7 @@
 use bytes::{Buf, BufMut, BytesMut};
 
 use super::WebSocketError;
+use crate::ready::Ready;
 
 /// The last frame of a message.
 const FIN: u8 = 0x80;
@@ -89,30 +90,30 @@ impl FrameReader {
         input: &mut BytesMut,
         output: &mut BytesMut,
     ) -> Result<(), WebSocketError> {
-        while self.step(input, output)? {}
+        while self.step(input, output)?.is_some() {}
         Ok(())
     }
 
     /// Performs one step of [`FrameReader::read`], so that earlier frames can be used before later
-    /// ones are parsed; `false` while bytes are missing.
+    /// ones are parsed.
     pub(crate) fn step(
         &mut self,
         input: &mut BytesMut,
         output: &mut BytesMut,
-    ) -> Result<bool, WebSocketError> {
+    ) -> Ready<(), WebSocketError> {
         if self.closed {
             input.clear();
-            return Ok(false);
+            return Ok(None);
         }
         match &mut self.state {
             State::Head => match self.head(input)? {
                 Some(head) => self.begin(&head)?,
-                None => return Ok(false),
+                None => return Ok(None),
             },
             State::Data { left: 0, .. } => self.state = State::Head,
             State::Data { left, mask, at } => {
                 if input.is_empty() {
-                    return Ok(false);
+                    return Ok(None);
                 }
                 let here = usize::try_from(*left).unwrap_or(usize::MAX);
                 let mut piece = input.split_to(here.min(input.len()));
@@ -126,7 +127,7 @@ impl FrameReader {
             }
             State::Control { kind, length, mask } => {
                 if input.len() < *length {
-                    return Ok(false);
+                    return Ok(None);
                 }
                 let mut body = input.split_to(*length);
                 unmask(&mut body, *mask, 0);
@@ -147,11 +148,11 @@ impl FrameReader {
                 self.state = State::Head;
             }
         }
-        Ok(true)
+        Ok(Some(()))
     }
 
     /// Takes the head of a frame; `None` while bytes are missing.
-    fn head(&self, input: &mut BytesMut) -> Result<Option<Head>, WebSocketError> {
+    fn head(&self, input: &mut BytesMut) -> Ready<Head, WebSocketError> {
         let Some([first, second]) = input.first_chunk().copied() else {
             return Ok(None);
         };

@@ -9,13 +9,7 @@ use yarp_wire::message::{ReadObject, WireObject};
 
 /// Returns the bytes of hexadecimal digits, ignoring blanks.
 pub(crate) fn bytes(hex: &str) -> Bytes {
-    let digits: Vec<u8> = hex.bytes().filter(u8::is_ascii_hexdigit).collect();
-    let pairs = digits
-        .chunks(2)
-        .map(|pair| std::str::from_utf8(pair).unwrap());
-    pairs
-        .map(|pair| u8::from_str_radix(pair, 16).unwrap())
-        .collect()
+    yarp_testing::from_hex(hex).into()
 }
 
 /// Returns the encoding for readers of a wire version.

@@ -1,10 +1,10 @@
 //! Shorter paths, by straight motions between random places of a path.
 
 use yarp_devices::kinematics::Joints;
+use yarp_devices::pseudo_random::Random;
 
 use super::Path;
 use crate::collision::CollisionModel;
-use crate::random::Random;
 use crate::rrt_connect::distance;
 
 /// Replaces parts of a path by straight motions that collide with nothing.

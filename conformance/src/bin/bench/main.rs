@@ -3,6 +3,7 @@
 //! ```text
 //! bench                 runs everything, prints tables with ratios
 //! bench only PART       one of round-trips, encrypted, one-way, datagrams, pages, zenoh (`run.sh` builds its peer), or one carrier
+//! bench only optimisations [NAME]  ours against ours without one optimisation
 //! bench serve|count|call|send|look|show|publish|local ...   one peer of ours, as `bench/stock_peer.cpp` is one of stock's
 //! bench ping|pong|pour|sink ...                one end of a bare TCP connection
 //! bench question|listen|frames|frame-call ...  what a browser does at a port
@@ -16,6 +17,8 @@ mod browser_client;
 mod datagram_bench;
 mod encrypted;
 mod one_way;
+mod optimisation_peers;
+mod optimisations;
 mod peer_processes;
 mod peer_programs;
 mod round_trips;
@@ -38,8 +41,11 @@ fn main() -> ExitCode {
     let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
     let result = match words[..] {
         [] => compare(""),
+        ["only", "optimisations"] => optimisations(""),
+        ["only", "optimisations", name] => optimisations(name),
         ["only", part] => compare(part),
         _ => peer_programs::work(&words)
+            .or_else(|| optimisation_peers::work(&words))
             .or_else(|| browser_client::work(&words))
             .or_else(|| encrypted::work(&words))
             .unwrap_or_else(|| {
@@ -65,6 +71,11 @@ fn main() -> ExitCode {
             ExitCode::FAILURE
         }
     }
+}
+
+fn optimisations(name: &str) -> Result<(), Failure> {
+    println!("machine: {}", machine());
+    Bench::new()?.optimisations(name)
 }
 
 fn compare(part: &str) -> Result<(), Failure> {

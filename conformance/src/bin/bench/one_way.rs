@@ -149,12 +149,21 @@ impl Bench {
     /// `n`.
     pub(crate) fn until_read(
         &self,
-        mut reader: Running,
+        reader: Running,
         writer: Side,
         words: &[&str],
         n: u32,
     ) -> Result<f64, Failure> {
-        let mut writer = self.start(writer, words)?;
+        self.until_count(reader, self.start(writer, words)?, n)
+    }
+
+    /// Measures messages per second from a running writer until `reader` has read all `n`.
+    pub(crate) fn until_count(
+        &self,
+        mut reader: Running,
+        mut writer: Running,
+        n: u32,
+    ) -> Result<f64, Failure> {
         let sent = writer.numbers(1)?[0];
         let begin = Instant::now();
         reader.count(n)?;

@@ -34,7 +34,8 @@ impl Bench {
         })
     }
 
-    fn name(&self) -> String {
+    /// Returns a new name for a port.
+    pub(crate) fn name(&self) -> String {
         let next = self.next.get() + 1;
         self.next.set(next);
         format!("/bench/{}/{next}", std::process::id())

@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 
 use bytes::BytesMut;
 use yarp_conformance::benchmark_statistics::{median, percentiles};
+use yarp_devices::pseudo_random::Random;
 use yarp_ports::Network;
 use yarp_wire::carrier::{Carrier, Sender};
 use yarp_wire::connection::Initiator;
@@ -191,16 +192,9 @@ fn send_garbage(
     company: BadPeers,
     goes_on: impl Fn() -> bool,
 ) -> std::io::Result<()> {
-    let mut state = 1_u64;
+    let mut random = Random::new(1);
     while goes_on() {
-        let garbage: Vec<u8> = (0..512)
-            .map(|_| {
-                state = state
-                    .wrapping_mul(6364136223846793005)
-                    .wrapping_add(1442695040888963407);
-                (state >> 56) as u8
-            })
-            .collect();
+        let garbage: Vec<u8> = (0..512).map(|_| random.bits() as u8).collect();
         let mut stream = raw(board, "/garbage")?;
         // The connection may be closed in the middle.
         let _ = stream.write_all(&garbage);

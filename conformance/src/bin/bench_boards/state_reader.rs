@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use yarp_devices::embedded::PeriodicTimer;
+use yarp_devices::periodic_timer::{MissedCycles, PeriodicTimer};
 use yarp_ports::{Answer, Network, Port, PortOptions, remote_admin};
 
 use crate::Failure;
@@ -108,18 +108,18 @@ async fn connect(network: &Network, from: &str, to: &str, carrier: &str) -> Resu
 
 /// Measures a thread that only waits for its deadlines; missed ones count as lost.
 fn bare(period: Duration, duration: Duration) -> Arrivals {
-    let mut pace = PeriodicTimer::new(Instant::now(), period);
+    let mut timer = PeriodicTimer::new(Instant::now(), period, MissedCycles::Skip);
     let end = Instant::now() + duration;
     let mut times = Vec::with_capacity(2 * (duration.as_nanos() / period.as_nanos()) as usize);
-    while pace.next() < end {
+    while timer.next() < end {
         let mut now = Instant::now();
-        while now < pace.next() {
-            thread::park_timeout(pace.next() - now);
+        while now < timer.next() {
+            thread::park_timeout(timer.next() - now);
             now = Instant::now();
         }
-        let timing = pace.timing();
+        let timing = timer.statistics();
         times.push((now, (timing.cycles + timing.missed) as i64));
-        pace.done(now);
+        timer.done(now);
     }
     Arrivals::of(&times)
 }

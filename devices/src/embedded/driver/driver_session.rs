@@ -14,7 +14,7 @@ use crate::clock::wall_clock;
 use crate::embedded::link_error::{LinkError, LinkErrorKind};
 use crate::embedded::link_setup::{LinkConnector, SocketPair};
 use crate::embedded::protocol::{ARM, PacketReader, Reply, ReplyReader, Request, TRAJECTORY};
-use crate::embedded::{CycleStatistics, PeriodicTimer};
+use crate::periodic_timer::{CycleStatistics, MissedCycles, PeriodicTimer};
 use crate::{DeviceError, EncoderReading};
 
 /// Maximum angle of any joint of an arm, rad: larger values are noise.
@@ -42,7 +42,7 @@ pub(super) struct Session<'a> {
     reader: PacketReader,
     /// Number of `trf` requests sent.
     queries: i32,
-    pace: PeriodicTimer,
+    timer: PeriodicTimer,
     /// Statistics of the earlier connections.
     earlier: CycleStatistics,
     last_warning: Option<Instant>,
@@ -64,7 +64,7 @@ impl<'a> Session<'a> {
             packets: pair.packets,
             reader: PacketReader::new(),
             queries: 0,
-            pace: PeriodicTimer::new(Instant::now(), shared.options.period),
+            timer: PeriodicTimer::new(Instant::now(), shared.options.period, MissedCycles::Skip),
             earlier: shared.lock().timing,
             last_warning: None,
             last: None,
@@ -109,7 +109,7 @@ impl<'a> Session<'a> {
         state.link.state = up;
         state.link.sessions += 1;
         info!(%peer, sessions = state.link.sessions, ?up, "connected to the embedded arm");
-        self.pace = PeriodicTimer::new(Instant::now(), options.period);
+        self.timer = PeriodicTimer::new(Instant::now(), options.period, MissedCycles::Skip);
         Ok(())
     }
 
@@ -117,7 +117,7 @@ impl<'a> Session<'a> {
         while !self.shared.ending.load(Ordering::Acquire) {
             self.read_packets()?;
             let now = Instant::now();
-            if now >= self.pace.next() {
+            if now >= self.timer.next() {
                 self.reject_pending();
                 self.read_joints()?;
                 self.keep_pace();
@@ -133,7 +133,7 @@ impl<'a> Session<'a> {
             };
             match order {
                 Some(order) => self.carry_out(&order)?,
-                None => thread::park_timeout(self.pace.next() - now),
+                None => thread::park_timeout(self.timer.next() - now),
             }
         }
         Ok(())
@@ -149,15 +149,15 @@ impl<'a> Session<'a> {
 
     fn keep_pace(&mut self) {
         let now = Instant::now();
-        let missed = self.pace.done(now);
-        self.shared.lock().timing = self.earlier.and(self.pace.timing());
+        let missed = self.timer.done(now);
+        self.shared.lock().timing = self.earlier.and(self.timer.statistics());
         if missed > 0
             && self
                 .last_warning
                 .is_none_or(|last| now - last > WARNING_INTERVAL)
         {
             self.last_warning = Some(now);
-            let timing = self.pace.timing();
+            let timing = self.timer.statistics();
             warn!(
                 missed,
                 of = timing.cycles,

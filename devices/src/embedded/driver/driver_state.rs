@@ -8,9 +8,9 @@ use tracing::warn;
 
 use super::DriverOptions;
 use super::pending_requests::PendingRequests;
-use crate::embedded::CycleStatistics;
 use crate::embedded::link_error::LinkError;
 use crate::fake::AxesModel;
+use crate::periodic_timer::CycleStatistics;
 use crate::{DeviceError, EncoderReading};
 
 /// State of the connection to the embedded PC.

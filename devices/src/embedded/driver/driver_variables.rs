@@ -4,7 +4,7 @@ use super::interfaces::wordless;
 use super::{CartesianPose, EmbeddedWam, LinkState};
 use crate::{DeviceError, RemoteVariables, VariableValue};
 
-/// Returns the names, in their order.
+/// Names of the variables, in their order.
 const NAMES: [&str; 4] = ["pose", "link", "failure", "interruption"];
 
 /// * `pose`: x, y, z in metres and the turns about x, y, z in degrees (`gcp`); setting it moves there (`moc`).

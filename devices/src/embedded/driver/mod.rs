@@ -19,13 +19,13 @@ use self::driver_session::{End, Session};
 use self::driver_state::{Goal, Shared};
 pub use self::driver_state::{LinkState, LinkStatus};
 use self::pending_requests::PendingRequest;
-use super::CycleStatistics;
 use super::backoff::Backoff;
 use super::link_error::{LinkError, LinkErrorKind};
 use super::link_setup::{LinkAddresses, LinkConnector, LinkMode, join};
 use super::protocol::{MAX_JOINTS, Reply, Request};
 use crate::DeviceError;
 use crate::fake::AxisParameters;
+use crate::periodic_timer::CycleStatistics;
 
 /// Options of a driver.
 #[derive(Clone, Debug)]

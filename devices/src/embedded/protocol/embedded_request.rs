@@ -212,14 +212,9 @@ impl RequestReader {
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
+    use yarp_testing::from_hex as hex;
 
     use super::*;
-
-    fn hex(text: &str) -> Vec<u8> {
-        text.split_whitespace()
-            .map(|byte| u8::from_str_radix(byte, 16).unwrap())
-            .collect()
-    }
 
     fn request(joints: usize) -> impl Strategy<Value = Request> {
         prop_oneof![

@@ -197,6 +197,7 @@ impl Parameter {
     }
 
     /// The number of its row, for keeping values.
+    #[cfg(all(unix, feature = "barrett"))]
     pub(crate) const fn row(self) -> usize {
         self.0
     }

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use tracing::{debug, info, warn};
 
 use super::super::gcl_connection::GclConnection;
-use super::super::serial_driver::check_characters;
+use super::super::gcl_connection::check_characters;
 use super::super::serial_line::is_pause;
 use super::node_protocol::{NodeReply, Request, RequestReader};
 use super::remote_hand::words;

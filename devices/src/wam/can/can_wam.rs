@@ -17,9 +17,9 @@ use super::{
 };
 use crate::can::puck::{Node, Pendant, PuckProperty};
 use crate::can::{BusError, CanBus};
+use crate::periodic_timer::{MissedCycles, PeriodicTimer};
 use crate::simulation::SafetyMode;
 use crate::wam::arm_device::{ArmDevice, ControlledArm, Shared};
-use crate::wam::periodic_timer::PeriodicTimer;
 use crate::wam::{AXES, ArmControl, WamModel};
 use crate::{AxisIndex, DeviceError, VariableValue};
 
@@ -490,13 +490,13 @@ fn drive(
     model: &WamModel<AXES>,
     options: &CanOptions,
 ) -> Result<(), CanError> {
-    let mut pace = PeriodicTimer::new(options.period);
-    while pace.wait(|| shared.is_ending()) {
+    let mut timer = PeriodicTimer::new(Instant::now(), options.period, MissedCycles::CatchUp);
+    while timer.wait(|| shared.is_ending()) {
         let counts = link.positions()?;
         let (torques, property_request) = {
             let mut timed = shared.lock();
             timed.stamp();
-            timed.arm.status.late_periods = pace.late();
+            timed.arm.status.late_periods = timer.statistics().late;
             let torques = timed.arm.period(link, counts);
             let property_request = link
                 .is_free()

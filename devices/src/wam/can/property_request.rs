@@ -13,7 +13,7 @@ const MAX_ATTEMPTS: usize = 3;
 /// Longer than a query waits for earlier ones, on a busy machine.
 const REPLY_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// Reads a property of a puck, after it was set if there is a value.
+/// Request for a property of a puck, which is set first if there is a value.
 #[derive(Clone, Debug)]
 pub(super) struct PropertyRequest {
     pub(super) node: Node,

@@ -7,12 +7,14 @@ pub mod memory;
 pub mod scenarios;
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use yarp_devices::can::puck::{Address, PuckMessage};
 use yarp_devices::can::{BusError, CanBus, CanFrame};
 use yarp_devices::simulation::SimulatedPucks;
 use yarp_devices::wam::can::OpenBus;
+#[allow(unused_imports, reason = "each test file uses a part of it")]
+pub use yarp_testing::eventually as until;
 
 /// Called before the pucks receive a frame; true consumes it.
 pub type Hook = Box<dyn FnMut(&CanFrame) -> bool + Send>;
@@ -98,13 +100,4 @@ impl<B: CanBus> CanBus for Hooked<B> {
 /// Returns whether a frame carries this message to this receiver.
 pub fn says(frame: &CanFrame, address: Address, message: PuckMessage) -> bool {
     PuckMessage::read(frame) == Ok((address, message))
-}
-
-/// Waits for what shall come true.
-pub fn until(what: &str, mut holds: impl FnMut() -> bool) {
-    let deadline = Instant::now() + Duration::from_secs(120);
-    while !holds() {
-        assert!(Instant::now() < deadline, "never came: {what}");
-        std::thread::sleep(Duration::from_millis(2));
-    }
 }

@@ -9,11 +9,14 @@ use yarp_wire::connection::{ProtocolError, REFUSAL};
 use yarp_wire::protocol::{PayloadKind, header_reply};
 
 use super::{Connection, End, Next};
+use crate::available_carriers::is_available;
+use crate::connect;
 use crate::network::Network;
-use crate::port::core::{Entry, InputEntry, is_port};
+use crate::port::connections::{Entry, InputEntry};
 use crate::port::monitor::{MonitorError, MonitorSide};
+use crate::port::port_context::is_port;
 use crate::port::port_options::{Input, Serving};
-use crate::port::socket_qos::SocketHandle;
+use crate::port::socket_handle::SocketHandle;
 use crate::roles::Right;
 use crate::socket::{self, ReadBuffer, Socket};
 use crate::tls::{self, TlsError};
@@ -34,7 +37,7 @@ pub(super) async fn secure(stream: Socket, network: &Network) -> Result<Option<S
         return Ok(None);
     }
     if !tls::is_hello(first[0]) {
-        return match socket::concerns(tls, tcp) {
+        return match connect::concerns(tls, tcp) {
             true => Err(TlsError::Plain),
             false => Ok(Some(stream)),
         };
@@ -57,7 +60,12 @@ impl Connection {
         group: Option<SocketAddrV4>,
     ) -> Next {
         self.sender = sender;
-        if carrier.begins_with_http() && !self.core.options.browsers {
+        if !is_available(carrier) {
+            self.output.clear();
+            self.output.extend_from_slice(REFUSAL.as_bytes());
+            return Next::Stop(End::NoCarrier(carrier.name));
+        }
+        if carrier.begins_with_http() && !self.parts.context.options.browsers {
             self.output.clear();
             self.output.extend_from_slice(NO_BROWSERS.as_bytes());
             return Next::Stop(End::NoBrowsers);
@@ -105,7 +113,7 @@ impl Connection {
 
     /// Returns whether a new peer may need replies in a form that depends on its wire version.
     pub(super) fn may_want_replies(&self, next: &Next, carrier: &Carrier) -> bool {
-        let replies = match &self.core.options.input {
+        let replies = match &self.parts.context.options.input {
             Input::Discard => false,
             Input::Queue(_, serving) => *serving == Serving::Replies,
             Input::Handler(_) => true,
@@ -125,9 +133,9 @@ impl Connection {
     /// Asks a connecting port for its wire version while it waits for the header reply. Later is
     /// too late: a stock port accepts no connection while it waits for a reply.
     pub(super) async fn probe_caller_version(&mut self) {
-        let core = self.core.clone();
+        let parts = self.parts.clone();
         if let Some(wire_version) =
-            version_probe::caller_version(&self.sender.name, &core.network).await
+            version_probe::caller_version(&self.sender.name, &parts.context.network).await
         {
             self.acceptor.set_wire_version(wire_version);
         }
@@ -143,10 +151,12 @@ impl Connection {
             self.slot.is_peer(&self.sender.name);
         }
         let sender = &self.sender;
-        let ends = (sender.name.as_str(), self.core.name.as_str());
-        let monitors = self
-            .core
-            .monitors(&sender.modifiers, MonitorSide::Receive, ends)?;
+        let ends = (sender.name.as_str(), self.parts.context.name.as_str());
+        let monitors = self.parts.dispatcher.monitors().of_carrier(
+            &sender.modifiers,
+            MonitorSide::Receive,
+            ends,
+        )?;
         let needs_right = monitors.as_ref().is_some_and(|chain| !chain.is_offered);
         if needs_right && !self.may(Right::Administer) {
             let text = self.refusal(Right::Administer);
@@ -162,7 +172,7 @@ impl Connection {
             text.push_str(value.as_deref().unwrap_or_default());
         }
         let id = self.number;
-        let noted = self.core.add_input(InputEntry {
+        let noted = self.parts.connections.add_input(InputEntry {
             id,
             from: sender.name.clone(),
             carrier_text: text,
@@ -175,8 +185,8 @@ impl Connection {
         if !noted {
             return Ok(false);
         }
-        let core = self.core.clone();
-        self.entry = Some(Entry { id, core });
+        let connections = self.parts.connections.clone();
+        self.entry = Some(Entry { id, connections });
         self.from = self.sender.name.as_str().into();
         self.monitors = monitors;
         Ok(true)

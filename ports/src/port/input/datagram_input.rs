@@ -14,7 +14,7 @@ use yarp_wire::protocol::header_reply;
 
 use super::{Connection, End, Next};
 use crate::port::datagram_liveness;
-use crate::port::socket_qos::SocketHandle;
+use crate::port::socket_handle::SocketHandle;
 use crate::socket::{self, Socket};
 use crate::udp_socket::{self, Sources};
 
@@ -31,13 +31,17 @@ impl Connection {
         if self.datagrams.is_none() && !self.slot.sends_datagrams() {
             return End::Full("too many send datagrams to this process");
         }
-        let (core, from, meter) = (self.core.clone(), self.from.clone(), self.meter.clone());
+        let (port, from, meter) = (
+            self.parts.context.clone(),
+            self.from.clone(),
+            self.meter.clone(),
+        );
         let known = self.slot.known_writer();
         tokio::select! {
             // Received messages are served first.
             biased;
             end = self.run_datagrams(group) => end,
-            reason = datagram_liveness::wait_until_gone(&core, &from, &meter, &known) => End::Gone(reason),
+            reason = datagram_liveness::wait_until_gone(&port, &from, &meter, &known) => End::Gone(reason),
         }
     }
 
@@ -99,7 +103,7 @@ impl Connection {
                 }
                 Err(error) => {
                     let from = &self.sender.name;
-                    tracing::debug!(port = %self.core.name, from, "a message is dropped: {error}");
+                    tracing::debug!(port = %self.parts.context.name, from, "a message is dropped: {error}");
                 }
             }
         }

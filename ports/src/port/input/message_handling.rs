@@ -7,7 +7,7 @@ use yarp_wire::connection::Message;
 use yarp_wire::message::{Command, Payload};
 
 use super::{Connection, End, Next};
-use crate::port::admin_commands;
+use crate::port::admin_reply;
 use crate::port::dispatch::Dispatched;
 use crate::port::log_modifier;
 use crate::port::received_message::{Answer, Received, Reply, long_work};
@@ -15,6 +15,9 @@ use crate::port::text_commands::{HELP, NOT_UNDERSTOOD};
 use crate::roles::Right;
 
 /// The state of a message.
+///
+/// Not a [`Ready`](yarp_wire::Ready): the message is complete, and what is left carries what the
+/// rest of its handling needs.
 pub(super) enum Step {
     Done(Next),
     /// It is on its way to the owner; returns whether the sender wants a reply.
@@ -82,7 +85,7 @@ impl Connection {
                 if !reply {
                     return Next::Stop(End::NotAllowed(Right::Write));
                 }
-                let answer = admin_commands::fail(&self.refusal(Right::Write));
+                let answer = admin_reply::fail(&self.refusal(Right::Write));
                 self.acceptor.reply(&answer, &mut self.output);
                 Next::Go
             }
@@ -90,7 +93,7 @@ impl Connection {
                 let request = long_work(payload.len(), || payload.to_bottle()).unwrap_or_default();
                 let answer = self.administer(&request).await;
                 self.acceptor.reply(&answer, &mut self.output);
-                match self.core.ends_with(&request) {
+                match self.parts.administration.ends_with(&request) {
                     true => Next::Stop(End::Closed),
                     false => Next::Go,
                 }
@@ -103,19 +106,21 @@ impl Connection {
 
     /// Returns the answer to an admin request, or the refusal.
     pub(in crate::port) async fn administer(&mut self, request: &Bottle) -> Bottle {
-        let core = self.core.clone();
-        if let Some(right) = core
+        let parts = self.parts.clone();
+        if let Some(right) = parts
+            .administration
             .required_right(request)
             .filter(|right| !self.may(*right))
         {
-            return admin_commands::fail(&self.refusal(right));
+            return admin_reply::fail(&self.refusal(right));
         }
-        if core.modifies(request)
+        if parts.administration.modifies(request)
             && let Some(reason) = self.why_not_modify()
         {
-            return admin_commands::fail(&reason);
+            return admin_reply::fail(&reason);
         }
-        self.wait_for(Box::pin(core.administer(request))).await
+        self.wait_for(Box::pin(parts.administration.administer(request)))
+            .await
     }
 
     /// Dispatches a message to the owner and waits for the reply, if one is expected; returns it
@@ -127,23 +132,30 @@ impl Connection {
 
     /// Dispatches a message to the owner directly, unless monitors or loggers are involved.
     fn dispatch(&self, received: Received) -> Dispatch {
-        match self.monitors.is_some() || self.core.is_watched() {
+        match self.monitors.is_some() || self.parts.dispatcher.is_watched() {
             true => Dispatch::Watched(received),
-            false => Dispatch::Direct(self.core.dispatch(received)),
+            false => Dispatch::Direct(self.parts.dispatcher.dispatch(received)),
         }
     }
 
     /// Waits for the rest of the dispatch, which is pinned here: by value each connection would
     /// store it twice.
     async fn finish(&mut self, dispatch: Dispatch) -> (Option<Reply>, bool) {
-        let core = self.core.clone();
+        let parts = self.parts.clone();
         match dispatch {
-            Dispatch::Direct(dispatched) => self.wait_for(pin!(core.finish(dispatched))).await,
+            Dispatch::Direct(dispatched) => {
+                self.wait_for(pin!(parts.dispatcher.finish(dispatched)))
+                    .await
+            }
             Dispatch::Watched(received) => {
                 let copies = log_modifier::is_requested_by(&self.sender);
                 let monitors = self.monitors.clone();
-                self.wait_for(pin!(core.take(monitors.as_ref(), received, copies)))
-                    .await
+                self.wait_for(pin!(parts.dispatcher.take(
+                    monitors.as_ref(),
+                    received,
+                    copies
+                )))
+                .await
             }
         }
     }
@@ -191,7 +203,7 @@ impl Connection {
     /// Executes a command; returns the text for a terminal, or the reason for closing the
     /// connection.
     pub(in crate::port) async fn execute(&mut self, command: Command) -> Result<String, End> {
-        let core = self.core.clone();
+        let parts = self.parts.clone();
         let needed = match command {
             Command::AddOutput(_) | Command::RemoveOutput(_) | Command::RemoveInput(_) => {
                 Some(Right::Connect)
@@ -206,15 +218,19 @@ impl Connection {
             Command::Quit => return Err(End::Closed),
             Command::Reverse => return Err(End::Reversed),
             Command::AddOutput(destination) => either(
-                self.wait_for(Box::pin(core.add_output_in_words(&destination)))
-                    .await,
+                self.wait_for(Box::pin(
+                    parts.administration.add_output_in_words(&destination),
+                ))
+                .await,
             ),
             Command::RemoveOutput(name) => either(
-                self.wait_for(Box::pin(core.remove_output_in_words(&name)))
+                self.wait_for(Box::pin(parts.administration.remove_output_in_words(&name)))
                     .await,
             ),
-            Command::RemoveInput(name) => either(self.core.remove_input_in_words(&name)),
-            Command::Describe => self.core.describe(),
+            Command::RemoveInput(name) => {
+                either(self.parts.administration.remove_input_in_words(&name))
+            }
+            Command::Describe => self.parts.administration.describe(),
             Command::Help => HELP.to_owned(),
             _ => NOT_UNDERSTOOD.to_owned(),
         })

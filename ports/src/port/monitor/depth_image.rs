@@ -7,12 +7,11 @@
 use std::sync::Arc;
 
 use bytes::BytesMut;
+use yarp_wire::WireVersion;
 use yarp_wire::message::{Form, Payload, ReadObject, WireObject};
 use yarp_wire::typed::{Image, PixelCode};
-use yarp_wire::{Bottle, Limits, Value, WireVersion};
 
-use super::zlib::{deflate, inflate, of_bottle};
-use super::{Made, Monitor, MonitorSetup, MonitorSide, Passing};
+use super::{Made, Monitor, MonitorSetup, Passing};
 
 /// Range of distances that are shown, in metres. Others, and NaN, are black.
 const SHOWN_METRES: std::ops::RangeInclusive<f64> = 0.2..=10.0;
@@ -23,7 +22,7 @@ pub(super) fn image(payload: &Payload) -> Option<Image> {
 }
 
 /// Returns the image of distances that a message is.
-fn distances(payload: &Payload) -> Option<Image> {
+pub(super) fn distances(payload: &Payload) -> Option<Image> {
     image(payload).filter(|image| image.code() == PixelCode::MONO_FLOAT)
 }
 
@@ -52,53 +51,6 @@ fn coloured<const N: usize>(
         packed.extend(image.row_of::<f32>(y)?.flat_map(&colour));
     }
     Image::from_packed(code, image.width(), image.height(), packed).ok()
-}
-
-/// `depthimage_compression_zlib`: on the way a bottle of width, height, the size compressed, the
-/// size before, and a blob.
-#[derive(Debug)]
-pub(super) struct DepthZlib(MonitorSide);
-
-impl DepthZlib {
-    pub(super) fn make(setup: &MonitorSetup) -> Made {
-        Ok(Arc::new(Self(setup.side)))
-    }
-}
-
-impl Monitor for DepthZlib {
-    fn update(&self, message: Passing) -> Option<Passing> {
-        let payload = match self.0 {
-            MonitorSide::Send => compress(&message.payload)?,
-            MonitorSide::Receive => expand(&message.payload, Limits::DEFAULT)?,
-        };
-        Some(message.with(payload))
-    }
-}
-
-fn compress(payload: &Payload) -> Option<Payload> {
-    let image = distances(payload)?;
-    let packed = image.packed();
-    let blob = deflate(&packed);
-    let sizes = [image.width(), image.height(), blob.len(), packed.len()];
-    let mut bottle = Bottle::new();
-    for size in sizes {
-        bottle.push(i32::try_from(size).ok()?);
-    }
-    bottle.push(Value::Blob(blob.into()));
-    Some(of_bottle(&bottle))
-}
-
-fn expand(payload: &Payload, limits: Limits) -> Option<Payload> {
-    let bottle = payload.to_bottle().ok()?;
-    let size = |index| usize::try_from(bottle.get(index)?.as_i64()?).ok();
-    let (width, height, before) = (size(0)?, size(1)?, size(3)?);
-    let blob = bottle.get(4)?.as_blob()?;
-    if width.checked_mul(height)?.checked_mul(4)? != before {
-        return None;
-    }
-    let packed = inflate(blob, before, limits).ok()?;
-    let image = Image::from_packed(PixelCode::MONO_FLOAT, width, height, packed).ok()?;
-    Some(of_image(&image))
 }
 
 /// `depthimage_to_mono`: near is bright.
@@ -168,42 +120,16 @@ impl Monitor for ToRgb {
 
 #[cfg(test)]
 mod tests {
+    use yarp_wire::Bottle;
+
+    use super::super::of_bottle;
     use super::*;
-
-    fn depths(width: usize, distances: &[f32]) -> Payload {
-        let bytes: Vec<u8> = distances.iter().flat_map(|d| d.to_le_bytes()).collect();
-        let height = distances.len() / width;
-        of_image(&Image::from_packed(PixelCode::MONO_FLOAT, width, height, bytes).unwrap())
-    }
-
-    #[test]
-    fn distances_come_back_also_from_rows_of_odd_length() {
-        let there = depths(3, &[0.5, 1.0, f32::NAN, 3.0, -1.0, 1e9]);
-        let way = compress(&there).unwrap();
-        let sizes = way.to_bottle().unwrap();
-        assert_eq!(sizes.get(3), Some(&Value::Int32(24)));
-        assert_eq!(expand(&way, Limits::DEFAULT).unwrap(), there);
-    }
 
     #[test]
     fn messages_other_than_depth_images_are_stopped() {
         let other = of_bottle(&Bottle::parse("1 2 {3}").unwrap());
-        for monitor in [
-            &ToMono as &dyn Monitor,
-            &ToRgb,
-            &DepthZlib(MonitorSide::Send),
-        ] {
+        for monitor in [&ToMono as &dyn Monitor, &ToRgb] {
             assert!(monitor.update(Passing::new(other.clone())).is_none());
-        }
-        for text in [
-            "1 2 {3}",
-            "1 1 3 4 {1 2 3}",
-            "-1 1 3 -4 {}",
-            "100000 100000 1 1 {0}",
-            "",
-        ] {
-            let message = of_bottle(&Bottle::parse(text).unwrap());
-            assert_eq!(expand(&message, Limits::DEFAULT), None, "{text}");
         }
     }
 

@@ -1,4 +1,4 @@
-//! `image_compression_jpeg` and `image_to_mono`.
+//! `image_compression_jpeg`.
 
 use std::sync::Arc;
 
@@ -8,8 +8,7 @@ use yarp_wire::typed::PixelCode;
 use yarp_wire::{Bottle, Value, Vocab32};
 
 use super::depth_image::{image, of_image};
-use super::zlib::of_bottle;
-use super::{Made, Monitor, MonitorSetup, MonitorSide, Passing};
+use super::{Made, Monitor, MonitorSetup, MonitorSide, Passing, of_bottle};
 use crate::port::jpeg;
 
 /// The first item of a compressed image.
@@ -71,27 +70,6 @@ fn expand(payload: &Payload) -> Option<Payload> {
     };
     let image = image.converted(PixelCode::from_code(*code)).ok()?;
     Some(of_image(&image))
-}
-
-/// Images in grey; other messages, and pixels without a grey value, pass unchanged.
-#[derive(Debug)]
-pub(super) struct ToMono;
-
-impl ToMono {
-    pub(super) fn make(_: &MonitorSetup) -> Made {
-        Ok(Arc::new(Self))
-    }
-}
-
-impl Monitor for ToMono {
-    fn update(&self, message: Passing) -> Option<Passing> {
-        let image = image(&message.payload);
-        let grey = image.and_then(|image| image.converted(PixelCode::MONO).ok());
-        Some(match grey {
-            Some(grey) => message.with(of_image(&grey)),
-            None => message,
-        })
-    }
 }
 
 #[cfg(test)]

@@ -37,13 +37,18 @@
 
 mod bayer;
 mod delay;
+#[cfg(feature = "zlib")]
+mod depth_compression;
 mod depth_image;
+mod grey_image;
+#[cfg(feature = "jpeg")]
 mod image_compression;
 mod message_statistics;
 mod monitor_chain;
 mod monitor_task;
 mod priority_arbiter;
 mod throttle;
+#[cfg(feature = "zlib")]
 mod zlib;
 
 use std::fmt;
@@ -53,7 +58,7 @@ use std::time::Duration;
 use yarp_wire::message::Payload;
 use yarp_wire::{Bottle, Value};
 
-pub(super) use monitor_chain::{Attached, Chain, Outgoing};
+pub(super) use monitor_chain::{Attached, Chain, ChainBuilder, Outgoing};
 pub(super) use monitor_task::run as stage;
 pub(super) use priority_arbiter::Arbiter;
 
@@ -234,14 +239,20 @@ type Made = Result<Arc<dyn Monitor>, String>;
 /// A name, and what makes the monitor.
 type Entry = (&'static str, fn(&MonitorSetup) -> Made);
 
-/// The monitors there are: the one table.
-const MONITORS: [Entry; 10] = [
+/// The monitors of this build: the one table.
+const MONITORS: &[Entry] = &[
+    #[cfg(feature = "zlib")]
     ("bottle_compression_zlib", zlib::BottleZlib::make),
-    ("depthimage_compression_zlib", depth_image::DepthZlib::make),
+    #[cfg(feature = "zlib")]
+    (
+        "depthimage_compression_zlib",
+        depth_compression::DepthZlib::make,
+    ),
     ("depthimage_to_mono", depth_image::ToMono::make),
     ("depthimage_to_rgb", depth_image::ToRgb::make),
+    #[cfg(feature = "jpeg")]
     ("image_compression_jpeg", image_compression::Jpeg::make),
-    ("image_to_mono", image_compression::ToMono::make),
+    ("image_to_mono", grey_image::ToMono::make),
     ("simulated_network_delay", delay::Delay::make),
     ("statistics", message_statistics::Statistics::make),
     ("stats_monitor", message_statistics::Statistics::make),
@@ -295,6 +306,14 @@ pub fn modifier_names() -> impl Iterator<Item = &'static str> {
 /// Returns whether a name in place of a carrier is a modifier.
 pub(super) fn is_modifier(name: &str) -> bool {
     modifier_names().any(|known| known == name)
+}
+
+/// Returns a message that holds a bottle.
+#[cfg(any(feature = "jpeg", feature = "zlib"))]
+pub(super) fn of_bottle(bottle: &Bottle) -> Payload {
+    let wire_version = yarp_wire::WireVersion::default();
+    let form = yarp_wire::message::Form::Binary(wire_version);
+    Payload::new(bottle.encode(wire_version), form)
 }
 
 /// `(NAME VALUE)`

@@ -3,18 +3,18 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
-use bytes::{Bytes, BytesMut};
+use bytes::BytesMut;
 use tokio::sync::Semaphore;
 use yarp_wire::message::{Form, Payload, Pieces, WireObject};
 use yarp_wire::typed::Property;
 use yarp_wire::{Bottle, Value, WireVersion};
 
 use super::{
-    MONITORS, Monitor, MonitorError, MonitorSetup, MonitorSide, PORTMONITOR, Passing, built_in,
-    built_in_names, is_modifier,
+    Arbiter, MONITORS, Monitor, MonitorError, MonitorSetup, MonitorSide, PORTMONITOR, Passing,
+    built_in, built_in_names, is_modifier,
 };
-use crate::port::core::Core;
 use crate::port::log_modifier::Content;
+use crate::port::port_context::PortContext;
 
 /// Minimum size of a payload that is processed where tasks may block.
 const MIN_BLOCKING_LEN: usize = 16 * 1024;
@@ -164,10 +164,17 @@ impl<T: WireObject> WireObject for Outgoing<'_, T> {
     }
 }
 
-impl Core {
+/// Builds chains of the monitors that a port knows.
+#[derive(Clone, Copy)]
+pub(in crate::port) struct ChainBuilder<'a> {
+    pub(in crate::port) port: &'a PortContext,
+    pub(in crate::port) arbiter: &'a Arc<Arbiter>,
+}
+
+impl ChainBuilder<'_> {
     /// Creates the monitors that a carrier string requests at one end of a connection; `None` if
     /// none.
-    pub(in crate::port) fn monitors(
+    pub(in crate::port) fn of_carrier(
         &self,
         modifiers: &[(String, Option<String>)],
         side: MonitorSide,
@@ -214,8 +221,8 @@ impl Core {
         what: &str,
     ) -> Result<Arc<Chain>, MonitorError> {
         let (from, to) = match side {
-            MonitorSide::Send => (self.name.as_str(), ""),
-            MonitorSide::Receive => ("", self.name.as_str()),
+            MonitorSide::Send => (self.port.name.as_str(), ""),
+            MonitorSide::Receive => ("", self.port.name.as_str()),
         };
         self.portmonitor(MonitorSetup {
             side,
@@ -248,7 +255,12 @@ impl Core {
                 return Err(MonitorError::NoType { name: kind, known });
             }
             let file = word(format!("file{number}")).unwrap_or_default();
-            let is_own = self.options.monitors.iter().any(|own| own.name == file);
+            let is_own = self
+                .port
+                .options
+                .monitors
+                .iter()
+                .any(|own| own.name == file);
             is_offered &= is_own;
             let expands = !is_own && EXPANDING.contains(&file.as_str());
             expansions += usize::from(expands && setup.side == MonitorSide::Receive);
@@ -266,7 +278,7 @@ impl Core {
     }
 
     fn monitor(&self, name: &str, setup: &MonitorSetup) -> Result<Arc<dyn Monitor>, MonitorError> {
-        let mut own = self.options.monitors.iter();
+        let mut own = self.port.options.monitors.iter();
         let Some(own) = own.find(|own| own.name == name) else {
             return match MONITORS.iter().any(|(known, _)| *known == name) {
                 true => built_in(name, setup),
@@ -284,7 +296,13 @@ impl Core {
 
     fn known_monitors(&self) -> String {
         let mut known: Vec<&str> = built_in_names().collect();
-        known.extend(self.options.monitors.iter().map(|own| own.name.as_str()));
+        known.extend(
+            self.port
+                .options
+                .monitors
+                .iter()
+                .map(|own| own.name.as_str()),
+        );
         known.join(", ")
     }
 }
@@ -317,13 +335,6 @@ fn section(all: &Bottle, side: MonitorSide) -> Bottle {
         }
     }
     own
-}
-
-/// Returns the bytes of a payload as a reader of `wire_version` wants them.
-pub(super) fn binary(payload: &Payload, wire_version: WireVersion) -> Bytes {
-    let mut bytes = BytesMut::new();
-    Content(payload).write_binary(&mut bytes, wire_version);
-    bytes.freeze()
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ use yarp_wire::message::{Command, Payload, Pieces, WireObject};
 use yarp_wire::protocol::PayloadKind;
 
 use super::monitor_chain::Chain;
-use crate::port::encode_once::Form;
+use crate::latency::Form;
 use crate::port::jpeg;
 use crate::port::log_modifier::Content;
 use crate::port::send_queue::SendQueue;

@@ -9,16 +9,16 @@
 use std::io::{Read, Write};
 use std::sync::Arc;
 
-use bytes::Bytes;
+use bytes::{Bytes, BytesMut};
 use flate2::Compression;
 use flate2::read::ZlibDecoder;
 use flate2::write::ZlibEncoder;
-use yarp_wire::message::{Form, Payload};
+use yarp_wire::message::{Form, Payload, WireObject};
 use yarp_wire::{Bottle, Limits, Value, WireVersion};
 
-use super::monitor_chain::binary;
-use super::{Made, Monitor, MonitorSetup, MonitorSide, Passing};
+use super::{Made, Monitor, MonitorSetup, MonitorSide, Passing, of_bottle};
 use crate::limits::{EXPANSION_BUDGET, Reservation};
+use crate::port::log_modifier::Content;
 
 /// Deflate makes at most this many bytes out of one.
 const MAX_COMPRESSION_RATIO: usize = 1032;
@@ -78,12 +78,6 @@ impl AsRef<[u8]> for Inflated {
     }
 }
 
-/// Returns a message that holds a bottle.
-pub(super) fn of_bottle(bottle: &Bottle) -> Payload {
-    let wire_version = WireVersion::default();
-    Payload::new(bottle.encode(wire_version), Form::Binary(wire_version))
-}
-
 #[derive(Debug)]
 pub(super) struct BottleZlib(MonitorSide);
 
@@ -101,6 +95,13 @@ impl Monitor for BottleZlib {
         };
         Some(message.with(payload))
     }
+}
+
+/// Returns the bytes of a payload as a reader of `wire_version` wants them.
+fn binary(payload: &Payload, wire_version: WireVersion) -> Bytes {
+    let mut bytes = BytesMut::new();
+    Content(payload).write_binary(&mut bytes, wire_version);
+    bytes.freeze()
 }
 
 /// Compresses the message; `None` if its size exceeds an int32.

@@ -8,9 +8,9 @@ use tokio::net::UdpSocket;
 use yarp_wire::datagram;
 
 use crate::cancel::Cancelled;
+use crate::latency::DatagramBatch;
 use crate::port::output::StopReason;
 use crate::port::send_queue::SendQueue;
-use crate::port::write_batch::DatagramBatch;
 
 /// Sends each queued message, split into datagrams, until the connection closes or moves; returns
 /// the reason.

@@ -8,8 +8,9 @@ use yarp_wire::carrier::{Carrier, Sender, Transport};
 use yarp_wire::connection::Initiator;
 
 use super::Target;
+use crate::connect::connect_over;
 use crate::log_text::printable;
-use crate::socket::{ReadBuffer, connect_over, write_all};
+use crate::socket::{ReadBuffer, write_all};
 
 /// Maximum time for the reader to give its reason.
 const REASON_TIMEOUT: Duration = Duration::from_secs(1);

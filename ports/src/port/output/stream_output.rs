@@ -4,11 +4,10 @@ use std::io;
 use std::sync::Arc;
 use std::time::Instant;
 
-use crate::busy_poll::{self, BusyPoll, Expecting, Yielder};
 use crate::cancel::Cancelled;
+use crate::latency::{self, Batch, BusyPoll, Expecting, Optimisation, Yielder};
 use crate::port::output::StopReason;
 use crate::port::send_queue::SendQueue;
-use crate::port::write_batch::Batch;
 use crate::socket::{ReadBuffer, Socket};
 
 /// The state of a sending connection besides its queue.
@@ -49,10 +48,14 @@ pub(super) async fn run(
             return StopReason::Move;
         }
         let written = match **stream {
-            Socket::Unix(_) => write_polling(stream, send_queue, batch).await,
-            Socket::Tcp(_) | Socket::Shmem(_) | Socket::Datagrams(_) | Socket::Tls(_) => {
-                write_batch(stream, send_queue, batch)
+            Socket::Unix(_) if Optimisation::UnixWritePoll.is_enabled() => {
+                write_polling(stream, send_queue, batch).await
             }
+            Socket::Unix(_)
+            | Socket::Tcp(_)
+            | Socket::Shmem(_)
+            | Socket::Datagrams(_)
+            | Socket::Tls(_) => write_batch(stream, send_queue, batch),
         };
         if let Err(error) = written {
             return StopReason::End(format!("writing failed: {error}"));
@@ -100,7 +103,7 @@ pub(super) async fn run(
 }
 
 /// Writes the batch as long as the socket accepts more of it within
-/// [`busy_poll::MAX_POLL_DURATION`]. Unix sockets report room late: a writer that sleeps until then
+/// [`latency::MAX_POLL_DURATION`]. Unix sockets report room late: a writer that sleeps until then
 /// delays its reader.
 async fn write_polling(
     stream: &Socket,
@@ -116,7 +119,7 @@ async fn write_polling(
             last = Instant::now();
             yielder = Yielder::midway();
         }
-        if batch.is_empty() || last.elapsed() >= busy_poll::MAX_POLL_DURATION {
+        if batch.is_empty() || last.elapsed() >= latency::MAX_POLL_DURATION {
             return Ok(());
         }
         yielder.once().await;

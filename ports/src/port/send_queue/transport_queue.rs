@@ -7,8 +7,8 @@ use yarp_wire::carrier::Transport;
 use yarp_wire::connection::Initiator;
 use yarp_wire::message::{Command, Payload};
 
-use super::super::encode_once::Form;
-use super::super::write_batch::{Batch, DatagramBatch};
+use crate::latency::Form;
+use crate::latency::{Batch, DatagramBatch};
 
 /// Room for several small messages to a reader in this process.
 const INITIAL_CAPACITY: usize = 1024;

@@ -9,7 +9,7 @@ use yarp_wire::Bottle;
 use crate::cartesian::CartesianVersion;
 use crate::cartesian::messages::{Query, Request, Setting, acknowledged, refused, reply};
 
-/// Returns the controller for a request.
+/// Answers requests with a controller.
 pub(super) struct RequestHandler {
     device: Arc<dyn Device>,
     name: String,

@@ -1,70 +1,43 @@
-//! The state shared by the tasks of one port.
+//! The connections of one port, in both directions: their lists, counts and reports.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
 
 use tokio::task::JoinSet;
-use yarp_wire::carrier::{Carrier, Transport};
-use yarp_wire::{Bottle, Contact, WireVersion, admin};
+use yarp_wire::admin;
+use yarp_wire::carrier::Carrier;
 
 use super::counters::{Ended, Meter};
 use super::dedicated_thread::ConnectionControl;
-use super::in_process;
-use super::log_modifier;
-use super::monitor::{Arbiter, Attached, Chain, MonitorError, MonitorSide, is_modifier};
+use super::monitor::Chain;
 use super::multicast_group::Group;
-use super::output::{Output, Target};
-use super::port_options::{ConnectionChange, Input, Outputs, PortOptions};
-use super::receive_queue::ReceiveQueue;
-use super::received_message::Answer;
-use super::reply_channel::ReplyPool;
-use super::socket_qos::SocketHandle;
-use crate::cancel::{Cancel, Cancelled, join};
-use crate::error::{PortError, resolve};
-use crate::limits::{self, BAD_CONNECTION_LOG_INTERVAL, BAD_CONNECTION_LOG_LINES};
+use super::output::Output;
+use super::port_context::{CLOSE_TIMEOUT, PortContext, is_port};
+use super::port_options::ConnectionChange;
+use super::socket_handle::SocketHandle;
+use crate::cancel::join;
+use crate::error::PortError;
+use crate::limits::{BAD_CONNECTION_LOG_INTERVAL, BAD_CONNECTION_LOG_LINES};
 use crate::log_text::{LogLimit, printable};
-use crate::network::{Endpoint, Network};
+use crate::network::Endpoint;
 use crate::remote_admin;
-use crate::roles::{self, Peer, Right};
 use crate::udp_socket;
-use crate::version_probe;
 
-/// Timeout of the close message to a reader.
-pub(crate) const CLOSE_TIMEOUT: Duration = Duration::from_secs(1);
-
-pub(crate) struct Core {
-    pub(crate) name: String,
-    pub(crate) host: String,
-    pub(crate) number: u16,
-    pub(crate) network: Network,
-    pub(crate) options: PortOptions,
-    pub(crate) receive_queue: Option<ReceiveQueue>,
-    pub(crate) cancelled: Cancelled,
-    /// Triggered when the port begins to close; `cancelled` follows after its peers have been
-    /// notified.
-    pub(crate) closing: Cancelled,
-    close: Cancel,
+/// The lists of connections of a port. Each list has a lock of its own, which is held for no wait.
+pub(crate) struct Connections {
+    port: Arc<PortContext>,
     /// Cloned by each sender, so that nothing is sent under the lock.
     outputs: Mutex<Arc<Vec<Arc<Output>>>>,
     groups: Mutex<Vec<Group>>,
     inputs: Mutex<Vec<InputEntry>>,
-    properties: Mutex<Vec<(String, Bottle)>>,
     next_input: AtomicU64,
-    /// Pool of the channels on which connections wait for the owner's replies.
-    pub(super) slots: ReplyPool<Answer>,
     ended: Mutex<Ended>,
     /// Limit on log lines about connections that are refused or break.
     pub(super) bad_connections: LogLimit,
     /// `true` if there may be connections that carry copies of received messages.
-    pub(super) logged: AtomicBool,
+    logged: AtomicBool,
     /// Connections that this port made to read from.
     pulls: Mutex<JoinSet<()>>,
-    /// Selects the writer to accept among those with `recv.priority`.
-    pub(super) arbiter: Arc<Arbiter>,
-    /// The monitors of everything written and everything read.
-    pub(super) attached_out: Attached,
-    pub(super) attached_in: Attached,
 }
 
 /// An incoming connection as others see it.
@@ -85,61 +58,31 @@ pub(crate) struct InputEntry {
 /// An entry in the port's list of connections, removed on drop, also after a panic of the handler.
 pub(super) struct Entry {
     pub(super) id: u64,
-    pub(super) core: Arc<Core>,
+    pub(super) connections: Arc<Connections>,
 }
 
 impl Drop for Entry {
     fn drop(&mut self) {
-        self.core.remove_input(self.id);
+        self.connections.remove_input(self.id);
     }
 }
 
-impl Core {
-    pub(crate) fn new(
-        name: String,
-        host: String,
-        number: u16,
-        network: Network,
-        options: PortOptions,
-        cancelled: Cancelled,
-    ) -> Self {
-        let receive_queue = match options.input {
-            Input::Queue(queue, _) => Some(ReceiveQueue::new(queue)),
-            _ => None,
-        };
-        let (close, closing) = Cancel::new();
+impl Connections {
+    pub(crate) fn new(port: Arc<PortContext>) -> Self {
         Self {
-            name,
-            host,
-            number,
-            network,
-            options,
-            receive_queue,
-            cancelled,
-            closing,
-            close,
+            port,
             outputs: Mutex::default(),
             groups: Mutex::default(),
             inputs: Mutex::default(),
-            properties: Mutex::default(),
             next_input: AtomicU64::new(1),
-            slots: ReplyPool::default(),
             ended: Mutex::default(),
             bad_connections: LogLimit::new(BAD_CONNECTION_LOG_LINES, BAD_CONNECTION_LOG_INTERVAL),
             logged: AtomicBool::new(false),
             pulls: Mutex::default(),
-            arbiter: Arc::default(),
-            attached_out: Attached::default(),
-            attached_in: Attached::default(),
         }
     }
 
-    /// The port begins to close.
-    pub(crate) fn close(&self) {
-        self.close.cancel();
-    }
-
-    pub(super) fn outputs_mut(&self) -> MutexGuard<'_, Arc<Vec<Arc<Output>>>> {
+    fn outputs_mut(&self) -> MutexGuard<'_, Arc<Vec<Arc<Output>>>> {
         let lock = || self.outputs.lock().unwrap_or_else(PoisonError::into_inner);
         let mut outputs = lock();
         // The end is reported after the beginning.
@@ -177,12 +120,6 @@ impl Core {
         }
     }
 
-    pub(crate) fn properties(&self) -> MutexGuard<'_, Vec<(String, Bottle)>> {
-        self.properties
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Returns the outgoing connections that are up.
     pub(crate) fn outputs(&self) -> Arc<Vec<Arc<Output>>> {
         self.outputs_mut().clone()
@@ -198,166 +135,6 @@ impl Core {
     /// Calls `visit` for each outgoing connection that transmits, under no lock.
     pub(crate) fn for_each_sender(&self, visit: impl FnMut(&Arc<Output>)) {
         transmitting(&self.outputs(), false).for_each(visit);
-    }
-
-    /// Connects to a reader, whose name is the answer; connections to it end first. Over a carrier
-    /// that does not push, connects to a writer and reads from it.
-    pub(crate) async fn connect(self: &Arc<Self>, to: &Contact) -> Result<String, PortError> {
-        self.connect_for(to, false).await
-    }
-
-    /// Connects like [`Core::connect`]; on behalf of a peer, which needs that right on the
-    /// destination.
-    pub(super) async fn connect_for(
-        self: &Arc<Self>,
-        to: &Contact,
-        peer_asks: bool,
-    ) -> Result<String, PortError> {
-        // As in stock, an unknown port is reported first.
-        let found = self.network.resolve(to).await?;
-        let text = to.carrier.as_deref().unwrap_or(&found.carrier);
-        let spec = text.parse().ok();
-        if let Some(spec) = &spec
-            && let Some(carrier) = Carrier::of(spec).filter(|carrier| !carrier.push)
-        {
-            if peer_asks {
-                self.check_right(&found, Right::Write).await?;
-            }
-            self.pull(&found, spec, carrier).await?;
-            return Ok(found.name);
-        }
-        if peer_asks {
-            self.check_right(&found, Right::Read).await?;
-        }
-        let logs = spec.as_ref().map_or(Ok(false), log_modifier::is_wanted)?;
-        if logs && !self.options.copies {
-            return Err(PortError::CopiesNotAllowed {
-                name: self.name.clone(),
-            });
-        }
-        if peer_asks {
-            self.check_output(logs)?;
-        }
-        if self.options.outputs == Outputs::None && !logs {
-            return Err(PortError::OutputsNotAllowed {
-                name: self.name.clone(),
-            });
-        }
-        let spec = spec.ok_or_else(|| PortError::NoCarrier {
-            carrier: text.to_owned(),
-            known: known_carriers(),
-        })?;
-        let carrier = Carrier::of(&spec).filter(|carrier| carrier.initiates);
-        let carrier = carrier.ok_or_else(|| match is_modifier(&spec.base) {
-            true => PortError::Modifier(MonitorError::NoCarrier {
-                name: spec.base.clone(),
-            }),
-            false => PortError::NoCarrier {
-                carrier: spec.base.clone(),
-                known: known_carriers(),
-            },
-        })?;
-        let ends = (self.name.as_str(), found.name.as_str());
-        let monitors = self.monitors(&spec.modifiers, MonitorSide::Send, ends)?;
-        self.disconnect(&found.name).await;
-        if self.options.outputs == Outputs::One && !logs && !self.senders().is_empty() {
-            return Err(PortError::AlreadyConnected {
-                name: self.name.clone(),
-            });
-        }
-        if carrier.transport == Transport::Local {
-            let output = in_process::connect(self, &found, &spec, carrier)?;
-            let mut output = output.with_monitors(monitors);
-            output.logs = logs;
-            self.add_output(output);
-            return Ok(found.name);
-        }
-        let address = (found.host.as_str(), found.port);
-        let wire_version = match self.options.peer_version {
-            Some(wire_version) => Some(wire_version),
-            // Only ports of ours have the carrier, and they read both.
-            None if carrier.transport == Transport::Encrypted => None,
-            None if carrier.protocol.payload_kind().are_binary() => {
-                version_probe::peer_version(&found.name, address, &self.network).await
-            }
-            None => Some(WireVersion::default()),
-        };
-        let group = match carrier.transport {
-            Transport::Group => Some(self.group(&found, logs).await?),
-            _ => None,
-        };
-        let target = Target {
-            from: &self.name,
-            to: &found,
-            spec: &spec,
-            carrier,
-            wire_version: wire_version.unwrap_or(self.options.wire_version),
-            group: group.as_ref(),
-            network: &self.network,
-        };
-        match Output::connect(&target, self.cancelled.clone()).await {
-            Ok(output) => {
-                let mut output = output.with_monitors(monitors);
-                output.logs = logs;
-                self.add_output(output);
-                Ok(found.name)
-            }
-            Err(error) => {
-                self.release_groups().await;
-                Err(error)
-            }
-        }
-    }
-
-    /// Returns whether a peer may have the port make another connection, by what kind of connection it is and how many there are.
-    ///
-    /// Copies of what arrives come from this port, with its name and address: whoever may send to it would have the
-    /// rights of this port at the reader. So where there are roles, one must say who may connect this port.
-    fn check_output(&self, logs: bool) -> Result<(), PortError> {
-        let roles = self.network.roles();
-        if logs && roles.are_any() && !roles.name(&self.name) {
-            let name = &self.name;
-            let text = format!(
-                "not allowed: log.in of {name}, which no role in {} names",
-                roles::FILE
-            );
-            return Err(PortError::NotAllowed { text });
-        }
-        let most = limits::outputs();
-        match self.outputs().len() < most {
-            true => Ok(()),
-            false => Err(PortError::NotAllowed {
-                text: format!("not allowed: {} has {most} outgoing connections", self.name),
-            }),
-        }
-    }
-
-    /// Returns whether the roles give the port at `endpoint` this right on this port.
-    async fn check_right(&self, endpoint: &Endpoint, right: Right) -> Result<(), PortError> {
-        let roles = self.network.roles();
-        roles.refresh();
-        let address = match roles.are_any() {
-            true => resolve(&endpoint.host, endpoint.port).await,
-            false => return Ok(()),
-        };
-        let address = address.map_err(|source| {
-            PortError::connect(
-                &endpoint.name,
-                &endpoint.host,
-                "address of the host",
-                source,
-            )
-        })?;
-        let peer = Peer {
-            name: &endpoint.name,
-            address: address.ip(),
-        };
-        match roles.rights_at_port(&self.name, peer).has(right) {
-            true => Ok(()),
-            false => Err(PortError::NotAllowed {
-                text: roles::refusal(&self.name, peer, right),
-            }),
-        }
     }
 
     pub(crate) fn add_output(&self, output: Output) {
@@ -392,7 +169,7 @@ impl Core {
 
     /// Returns the multicast group of this port in the network of a reader, for the owner's
     /// messages or for copies of received ones; allocated at the first use.
-    async fn group(&self, reader: &Endpoint, logs: bool) -> Result<Group, PortError> {
+    pub(super) async fn group(&self, reader: &Endpoint, logs: bool) -> Result<Group, PortError> {
         let way = udp_socket::local_address_towards(&reader.host, reader.port).await;
         let local = way.map_err(|error| {
             let step = "interface that leads to the reader";
@@ -403,7 +180,7 @@ impl Core {
         if let Some(group) = known {
             return Ok(group);
         }
-        let group = Group::allocate(&self.network, &self.name, local, logs).await?;
+        let group = Group::allocate(&self.port.network, &self.port.name, local, logs).await?;
         self.groups().push(group.clone());
         Ok(group)
     }
@@ -415,7 +192,7 @@ impl Core {
         let unused: Vec<Group> = self.groups().extract_if(.., |group| !used(group)).collect();
         for group in unused {
             // The name server also frees it with its owner.
-            let _ = self.network.unregister(&group.name).await;
+            let _ = self.port.network.unregister(&group.name).await;
         }
     }
 
@@ -444,12 +221,12 @@ impl Core {
             .filter(|entry| entry.carrier.push)
             .map(|entry| entry.from.clone())
             .collect();
-        let network = self.network.with_timeout(CLOSE_TIMEOUT);
+        let network = self.port.network.with_timeout(CLOSE_TIMEOUT);
         let asking: JoinSet<()> = sources
             .into_iter()
             .filter(|source| is_port(source))
             .map(|source| {
-                let (network, request) = (network.clone(), admin::remove(&self.name));
+                let (network, request) = (network.clone(), admin::remove(&self.port.name));
                 let asking = async move {
                     let endpoint = network.query(&source).await?;
                     remote_admin::administer(&network, &endpoint, &request).await
@@ -482,7 +259,7 @@ impl Core {
         }
         inputs.push(entry);
         drop(inputs);
-        self.report(&from, &self.name, &carrier, true, true);
+        self.report(&from, &self.port.name, &carrier, true, true);
         true
     }
 
@@ -518,11 +295,23 @@ impl Core {
         let entry = inputs.remove(index);
         self.ended().received.add(entry.meter.traffic());
         drop(inputs);
-        self.report(&entry.from, &self.name, &entry.carrier_text, true, false);
+        self.report(
+            &entry.from,
+            &self.port.name,
+            &entry.carrier_text,
+            true,
+            false,
+        );
     }
 
     fn report_output(&self, output: &Output, began: bool) {
-        self.report(&self.name, &output.to, &output.carrier_text, false, began);
+        self.report(
+            &self.port.name,
+            &output.to,
+            &output.carrier_text,
+            false,
+            began,
+        );
     }
 
     /// Reports the beginning or end of a connection to log and owner; peers that are not ports are
@@ -541,9 +330,9 @@ impl Core {
                 true => format!(" using {carrier}"),
                 false => String::new(),
             };
-            tracing::info!(port = %self.name, "{what} from {from} to {to}{using}");
+            tracing::info!(port = %self.port.name, "{what} from {from} to {to}{using}");
         }
-        if let Some(watcher) = &self.options.on_connection_change {
+        if let Some(watcher) = &self.port.options.on_connection_change {
             watcher(&ConnectionChange {
                 from: from.to_owned(),
                 to: to.to_owned(),
@@ -551,6 +340,29 @@ impl Core {
                 incoming,
                 began,
             });
+        }
+    }
+
+    /// Returns whether there may be loggers; nearly free.
+    pub(super) fn is_logged(&self) -> bool {
+        self.logged.load(Ordering::Relaxed)
+    }
+
+    /// Returns the connections that carry copies of received messages.
+    pub(super) fn loggers(&self) -> Vec<Arc<Output>> {
+        let outputs = self.outputs_mut();
+        let loggers: Vec<_> = transmitting(&outputs, true).cloned().collect();
+        // Under the lock, under which it is also set.
+        self.logged.store(!loggers.is_empty(), Ordering::Relaxed);
+        loggers
+    }
+
+    /// Counts a message from connection `id` that was dropped.
+    pub(super) fn count_dropped(&self, id: u64) {
+        if let Some(entry) = self.inputs().iter().find(|entry| entry.id == id) {
+            entry.meter.drop_one();
+        } else {
+            self.ended().received.dropped += 1;
         }
     }
 }
@@ -565,25 +377,9 @@ pub(super) async fn close_outputs(outputs: &[Arc<Output>]) {
     join(goodbyes).await;
 }
 
-/// Returns whether a sender's name is that of a port.
-pub(crate) fn is_port(name: &str) -> bool {
-    name.starts_with('/')
-}
-
-fn known_carriers() -> String {
-    let begun = |carrier: &&Carrier| carrier.initiates;
-    let names = yarp_wire::carrier::ALL.into_iter().filter(begun);
-    let mut names: Vec<_> = names.map(|carrier| carrier.name).collect();
-    names.dedup();
-    names.join(", ")
-}
-
 /// Iterates over the outputs that transmit, either copies of received messages or the owner's: the
 /// first of each group.
-pub(super) fn transmitting(
-    outputs: &[Arc<Output>],
-    logs: bool,
-) -> impl Iterator<Item = &Arc<Output>> {
+fn transmitting(outputs: &[Arc<Output>], logs: bool) -> impl Iterator<Item = &Arc<Output>> {
     let is_first = |at: usize, group| !outputs[..at].iter().any(|earlier| earlier.is_of(group));
     let all = outputs.iter().enumerate();
     all.filter(move |(at, output)| {

@@ -1,6 +1,6 @@
 //! TCP streams with a low-water mark for wake-ups.
 //!
-//! A stream that a task polls ([`BusyPoll`](crate::busy_poll::BusyPoll)) also wakes the runtime's
+//! A stream that a task polls ([`BusyPoll`](crate::latency::BusyPoll)) also wakes the runtime's
 //! I/O thread for each packet, at the expense of the writer. So does a large message, of which no
 //! part is useful without the rest. Therefore the system is asked to report readiness only above a
 //! low-water mark (`SO_RCVLOWAT`, see socket(7)), or when the peer cannot send more for now, or at
@@ -16,9 +16,11 @@ use std::sync::atomic::Ordering::Relaxed;
 
 use tokio::net::TcpStream;
 
+use super::Optimisation;
+
 /// Low-water mark while a task polls: far below the amount at which the system would stop the peer.
 const SUPPRESSED_LOW_WATER_MARK: usize = 16 * 1024;
-/// Maximum low-water mark: low_water_mark that the copies of the two ends can overlap.
+/// Maximum low-water mark: so low that the copies of the two ends can overlap.
 const MAX_LOW_WATER_MARK: usize = 200_000;
 
 /// A TCP stream, and its low-water mark.
@@ -38,7 +40,11 @@ impl Tcp {
 
     /// Waits until this many bytes are readable, at most [`MAX_LOW_WATER_MARK`].
     pub(crate) async fn readable_by(&self, bytes: usize) -> io::Result<()> {
-        self.set_low_water_mark(bytes.clamp(1, MAX_LOW_WATER_MARK));
+        let bytes = match Optimisation::LowWaterMark.is_enabled() {
+            true => bytes.clamp(1, MAX_LOW_WATER_MARK),
+            false => 1,
+        };
+        self.set_low_water_mark(bytes);
         self.stream.readable().await
     }
 

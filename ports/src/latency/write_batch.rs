@@ -6,12 +6,15 @@ use std::io::{self, IoSlice};
 use bytes::{Buf, Bytes, BytesMut};
 use yarp_wire::message::{Piece, Pieces};
 
+use super::Optimisation;
 use crate::socket::Socket;
 
 /// Room that is kept for the next bytes once all have been sent.
 const MAX_RETAINED_CAPACITY: usize = 64 * 1024;
 /// Buffers handed to one system call.
 const MAX_IO_SLICES: usize = 16;
+/// Bytes handed to one system call where batches are switched off: about one small message.
+const UNBATCHED_LEN: usize = 64;
 
 /// Bytes to be sent: small parts are copied into one buffer, large ones are shared. Empty batches
 /// keep their buffer.
@@ -40,6 +43,9 @@ impl Batch {
         }
         for piece in pieces.iter() {
             match piece {
+                Piece::Shared(bytes) if !Optimisation::SharedParts.is_enabled() => {
+                    self.buffer.extend_from_slice(bytes);
+                }
                 Piece::Written(bytes) => self.buffer.extend_from_slice(bytes),
                 Piece::Shared(bytes) => {
                     self.sharing += bytes.len();
@@ -67,7 +73,12 @@ impl Batch {
         while !self.is_empty() {
             let mut vectors = [IoSlice::new(&[]); MAX_IO_SLICES];
             let used = self.fill(&mut vectors);
-            let written = match socket.try_write_vectored(&vectors[..used]) {
+            let first = &vectors[0][..vectors[0].len().min(UNBATCHED_LEN)];
+            let slices = match Optimisation::WriteBatch.is_enabled() {
+                true => &vectors[..used],
+                false => &[IoSlice::new(first)],
+            };
+            let written = match socket.try_write_vectored(slices) {
                 Ok(0) => return Err(io::ErrorKind::WriteZero.into()),
                 Ok(written) => written,
                 Err(error) if error.kind() == io::ErrorKind::WouldBlock => return Ok(()),

@@ -21,6 +21,7 @@ use std::sync::atomic::{AtomicU64, AtomicUsize};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use super::Optimisation;
 use crate::socket::{ReadBuffer, Socket};
 
 /// Maximum duration of polling per wait, also for a writer that waits for room.
@@ -109,7 +110,8 @@ impl BusyPoll {
             let length = buffer.len();
             buffer.resize(length + self.chunk, 0);
             let alone = POLLING.load(Relaxed) == 1;
-            if expecting == Expecting::Anything && !large && alone {
+            let gathers = expecting == Expecting::Anything && !large && alone;
+            if gathers && Optimisation::Gather.is_enabled() {
                 tokio::task::yield_now().await;
                 if self.is_slow {
                     thread::sleep(GATHER_SLEEP);
@@ -156,7 +158,9 @@ impl BusyPoll {
     /// Takes note that bytes came.
     pub(crate) fn received(&mut self) {
         if let Some(since) = self.sleeping_since.take() {
-            self.polling = (since.elapsed() < BUSY_POLL_THRESHOLD).then(PollingGuard::new);
+            let polls =
+                since.elapsed() < BUSY_POLL_THRESHOLD && Optimisation::BusyPoll.is_enabled();
+            self.polling = polls.then(PollingGuard::new);
         }
     }
 }
@@ -194,7 +198,7 @@ impl Yielder {
         static HOLDOFF_UNTIL: AtomicU64 = AtomicU64::new(0);
         let since_begin = |time: Instant| u64::try_from((time - *BEGIN).as_micros()).unwrap_or(0);
         let before = Instant::now();
-        if since_begin(before) >= HOLDOFF_UNTIL.load(Relaxed) {
+        if Optimisation::Yield.is_enabled() && since_begin(before) >= HOLDOFF_UNTIL.load(Relaxed) {
             thread::yield_now();
             let after = Instant::now();
             if after - before > CONTENDED_YIELD {

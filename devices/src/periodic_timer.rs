@@ -1,0 +1,188 @@
+//! A timer with a fixed rate, which counts missed deadlines.
+
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// Shortest period; a period of 0 would never end.
+pub const MIN_PERIOD: Duration = Duration::from_micros(100);
+/// Time that [`MissedCycles::CatchUp`] makes up for.
+const MAX_CATCH_UP: Duration = Duration::from_millis(100);
+
+/// Deadlines at equal distances.
+///
+/// ```
+/// use std::time::{Duration, Instant};
+/// use yarp_devices::periodic_timer::{MissedCycles, PeriodicTimer};
+///
+/// let (start, period) = (Instant::now(), Duration::from_millis(2));
+/// let mut timer = PeriodicTimer::new(start, period, MissedCycles::Skip);
+/// assert_eq!(timer.next(), start + period);
+/// timer.done(start + period * 3 / 2);
+/// // This one was due at 4 ms and took until 9 ms: those of 6 and 8 ms are missed.
+/// timer.done(start + period * 9 / 2);
+/// assert_eq!((timer.statistics().cycles, timer.statistics().missed), (2, 2));
+/// assert_eq!(timer.next(), start + period * 5);
+/// ```
+#[derive(Clone, Debug)]
+pub struct PeriodicTimer {
+    period: Duration,
+    next: Instant,
+    missed_cycles: MissedCycles,
+    statistics: CycleStatistics,
+}
+
+/// Treatment of cycles that were due while an earlier one took too long.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+pub enum MissedCycles {
+    /// Leaves them out; later ones keep their deadlines.
+    Skip,
+    /// Carries them out one after the other, as a model that keeps up with time needs them. After a pause of the machine of
+    /// more than 100 ms the deadlines start anew.
+    CatchUp,
+    /// Starts the deadlines anew, so that no cycle comes less than a period after the previous one: for commands in small steps.
+    Restart,
+}
+
+/// Statistics of a [`PeriodicTimer`].
+#[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
+pub struct CycleStatistics {
+    /// Cycles that were carried out.
+    pub cycles: u64,
+    /// Cycles that were left out because the previous one had not ended in time.
+    pub missed: u64,
+    /// Cycles that were more than a period late.
+    pub late: u64,
+    /// The longest time from when a cycle was due until it was done.
+    pub longest: Duration,
+}
+
+impl PeriodicTimer {
+    /// Creates a timer whose first cycle is due one period after `start`. Shorter periods than [`MIN_PERIOD`] become that.
+    pub fn new(start: Instant, period: Duration, missed_cycles: MissedCycles) -> Self {
+        let period = period.max(MIN_PERIOD);
+        Self {
+            period,
+            next: start + period,
+            missed_cycles,
+            statistics: CycleStatistics::default(),
+        }
+    }
+
+    /// Returns the start of the next cycle.
+    pub fn next(&self) -> Instant {
+        self.next
+    }
+
+    /// Waits for the next cycle and begins it; returns false if `is_ending` does. Heeds that at once when the thread is unparked.
+    pub fn wait(&mut self, is_ending: impl Fn() -> bool) -> bool {
+        loop {
+            if is_ending() {
+                return false;
+            }
+            let now = Instant::now();
+            if now >= self.next {
+                self.done(now);
+                return true;
+            }
+            // May wake early, then the loop comes back here.
+            thread::park_timeout(self.next - now);
+        }
+    }
+
+    /// Ends the current cycle; returns the number of cycles that are left out because of it.
+    pub fn done(&mut self, now: Instant) -> u64 {
+        let taken = now.saturating_duration_since(self.next);
+        self.statistics.cycles += 1;
+        self.statistics.late += u64::from(taken > self.period);
+        self.statistics.longest = self.statistics.longest.max(taken);
+        let (missed, next) = match self.missed_cycles {
+            MissedCycles::Skip => {
+                let missed = taken.as_nanos() / self.period.as_nanos();
+                let behind = taken.as_nanos() % self.period.as_nanos();
+                let behind = Duration::from_nanos(u64::try_from(behind).unwrap_or_default());
+                let next = match missed {
+                    0 => self.next + self.period,
+                    _ => now - behind + self.period,
+                };
+                (u64::try_from(missed).unwrap_or(u64::MAX), next)
+            }
+            MissedCycles::CatchUp if taken <= MAX_CATCH_UP => (0, self.next + self.period),
+            MissedCycles::CatchUp | MissedCycles::Restart => (0, self.next.max(now) + self.period),
+        };
+        self.statistics.missed += missed;
+        self.next = next;
+        missed
+    }
+
+    /// Returns the statistics so far.
+    pub fn statistics(&self) -> CycleStatistics {
+        self.statistics
+    }
+}
+
+impl CycleStatistics {
+    /// Returns both together: sums, and the longer of the longest.
+    pub fn and(self, other: Self) -> Self {
+        Self {
+            cycles: self.cycles + other.cycles,
+            missed: self.missed + other.missed,
+            late: self.late + other.late,
+            longest: self.longest.max(other.longest),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PERIOD: Duration = Duration::from_millis(2);
+
+    fn timer(missed_cycles: MissedCycles) -> (Instant, PeriodicTimer) {
+        let start = Instant::now();
+        (start, PeriodicTimer::new(start, PERIOD, missed_cycles))
+    }
+
+    #[test]
+    fn deadlines_do_not_drift_and_a_pause_is_not_made_up_for() {
+        let (start, mut timer) = timer(MissedCycles::Skip);
+        for cycle in 1..=100 {
+            assert_eq!(timer.next(), start + PERIOD * cycle);
+            assert_eq!(timer.done(timer.next() + Duration::from_micros(700)), 0);
+        }
+        assert_eq!(timer.done(timer.next() + Duration::from_secs(1)), 500);
+        assert_eq!(timer.next(), start + PERIOD * 602);
+        let statistics = timer.statistics();
+        let counted = (statistics.cycles, statistics.missed, statistics.late);
+        assert_eq!(counted, (101, 500, 1));
+        assert_eq!(statistics.longest, Duration::from_secs(1));
+    }
+
+    #[test]
+    fn late_cycles_are_made_up_for_unless_the_machine_paused() {
+        let (start, mut timer) = timer(MissedCycles::CatchUp);
+        assert_eq!(timer.done(timer.next() + MAX_CATCH_UP), 0);
+        assert_eq!(timer.next(), start + PERIOD * 2);
+        let pause = timer.next() + MAX_CATCH_UP + Duration::from_millis(1);
+        assert_eq!(timer.done(pause), 0);
+        assert_eq!(timer.next(), pause + PERIOD);
+        assert_eq!(timer.statistics().late, 2);
+    }
+
+    #[test]
+    fn commands_in_steps_come_no_less_than_a_period_apart() {
+        let (start, mut timer) = timer(MissedCycles::Restart);
+        timer.done(timer.next());
+        assert_eq!(timer.next(), start + PERIOD * 2);
+        let late = timer.next() + Duration::from_millis(1);
+        timer.done(late);
+        assert_eq!(timer.next(), late + PERIOD);
+    }
+
+    #[test]
+    fn a_period_of_nothing_becomes_the_shortest() {
+        let start = Instant::now();
+        let timer = PeriodicTimer::new(start, Duration::ZERO, MissedCycles::Skip);
+        assert_eq!(timer.next(), start + MIN_PERIOD);
+    }
+}
