@@ -53,6 +53,12 @@ enum Demo {
     },
 }
 
+/// Names of the detectors of this build.
+#[cfg(all(unix, feature = "table", not(feature = "vision")))]
+const DETECTORS: [&str; 1] = ["truth"];
+#[cfg(all(unix, feature = "table", feature = "vision"))]
+const DETECTORS: [&str; 2] = ["truth", "vision"];
+
 #[cfg(all(unix, feature = "table"))]
 #[derive(Debug, clap::Args)]
 struct TidyArgs {
@@ -68,8 +74,8 @@ struct TidyArgs {
     /// Speed of the table relative to a real robot, 0.1 to 20
     #[arg(long, value_name = "FACTOR", default_value_t = 2.0)]
     speed: f64,
-    /// Source of the objects: `truth` asks the simulation, with noise
-    #[arg(long, value_name = "NAME", default_value = "truth", value_parser = ["truth"])]
+    /// Source of the objects: `truth` asks the simulation, with noise; `vision` looks through the cameras (feature `vision`)
+    #[arg(long, value_name = "NAME", default_value = "truth", value_parser = DETECTORS)]
     detector: String,
     /// Standard deviation of a detected place along x and y, mm
     #[arg(long, value_name = "MM", default_value_t = 1.0)]
@@ -92,6 +98,10 @@ async fn tidy(args: TidyArgs, out: &mut dyn Write) -> Result<ExitCode> {
     options.seed = args.seed;
     options.speed = args.speed;
     options.noise = args.noise / 1e3;
+    #[cfg(feature = "vision")]
+    if args.detector == "vision" {
+        options.detector = tidy::DetectorChoice::Vision;
+    }
     if let Some(prefix) = args.remote {
         options.remote = Some((crate::network_access::network()?, prefix));
     }

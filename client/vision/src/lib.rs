@@ -5,10 +5,13 @@
 //! | [`calibration`] | intrinsic parameters, pose of a camera relative to an arm |
 //! | `intrinsics` | [`Intrinsics`]: focal length, principal point and lens distortion of a camera |
 //! | `mat` | conversion between our images and OpenCV's, used inside this crate only |
+//! | `detector/` | [`Detector`]: a table's objects with poses, by colour and depth |
+//! | `depth` | [`DepthImage`] |
 //! | `recognition/` | [`Recogniser`]: SIFT, circles, polygons, in this order |
 //! | `evaluation` | detections against ground truth: counts, ROC curve, equal-error point |
 //! | `image_source` | the latest image of a camera, a thread, a folder |
 //! | `back_projection` | pixels to points and directions in the arm's base frame |
+//! | `simulated/` | evaluation on the simulated table (feature `table`) |
 //! | `shape` | [`Shape`], [`Detection`] |
 //! | `error` | [`VisionError`] |
 //!
@@ -17,6 +20,8 @@
 
 mod back_projection;
 pub mod calibration;
+mod depth;
+pub mod detector;
 mod error;
 pub mod evaluation;
 pub mod image_source;
@@ -25,8 +30,12 @@ mod mat;
 mod overlay;
 pub mod recognition;
 mod shape;
+#[cfg(feature = "table")]
+pub mod simulated;
 
 pub use back_projection::{Elevation, ObjectPose};
+pub use depth::DepthImage;
+pub use detector::{Detector, DetectorParameters, DetectorSetup, FoundObject, ObjectDatabase};
 pub use error::VisionError;
 pub use intrinsics::{CameraModel, Intrinsics};
 pub use overlay::write_overlay;

@@ -24,6 +24,24 @@ pub(crate) fn of_image(image: &Image) -> Result<Mat> {
     colour(image.width(), image.height(), &pixels).map_err(failed)
 }
 
+/// Copies an image into a matrix of OpenCV: one channel if the image is grey, otherwise its colours in their order; red
+/// first if they are in none.
+///
+/// Errors: [`VisionError::Device`], [`VisionError::OpenCv`].
+pub(crate) fn in_order(image: &Image) -> Result<Mat> {
+    match image.format() {
+        PixelFormat::Mono => grey(image.width(), image.pixels()),
+        PixelFormat::Rgb | PixelFormat::Bgr => {
+            colour(image.width(), image.height(), image.pixels())
+        }
+        _ => {
+            let colours = image.to_rgb()?;
+            colour(image.width(), image.height(), colours.pixels())
+        }
+    }
+    .map_err(VisionError::cv("copy an image"))
+}
+
 /// Copies an image into a grey matrix of OpenCV, with OpenCV's weights of the colours.
 ///
 /// Errors: [`VisionError::Device`], [`VisionError::OpenCv`].

@@ -4,14 +4,19 @@
 //! | --- | --- |
 //! | `served_table` | [`ServedTable`]: arm, hand, cameras and truth of a table on ports |
 //! | `truth` | [`RemoteTruth`]: a detector that asks the table itself, with noise |
+//! | `vision` | a detector that looks through the table's cameras (feature `vision`) |
 //! | `tidy` | [`tidy::run`]: every object into the basket of its class |
 
 mod served_table;
 pub mod tidy;
 mod truth;
+#[cfg(feature = "vision")]
+mod vision;
 
 pub use served_table::ServedTable;
 pub use truth::{RemoteTruth, serve_truth};
+#[cfg(feature = "vision")]
+pub use vision::RemoteVision;
 
 use yarp_devices::DeviceError;
 use yarp_manipulation::PickError;
@@ -36,6 +41,10 @@ pub enum TableDemoError {
     /// The name server did not start.
     #[error(transparent)]
     Port(#[from] yarp_client::PortError),
+    /// The cameras or the detector are not ready.
+    #[cfg(feature = "vision")]
+    #[error(transparent)]
+    Vision(#[from] yarp_vision::VisionError),
     /// Arm or hand are not ready.
     #[error(transparent)]
     Pick(#[from] PickError),

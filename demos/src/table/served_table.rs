@@ -5,6 +5,7 @@ use std::time::Duration;
 use yarp_client::ports::blocking::wait;
 use yarp_client::{Network, RpcServer};
 use yarp_table::LiveTable;
+use yarp_wrappers::frame_grabber::Capability;
 use yarp_wrappers::{
     ControlBoardOptions, ControlBoardServer, FrameGrabberOptions, FrameGrabberServer, HandServer,
 };
@@ -17,13 +18,14 @@ const STATE_INTERVAL: Duration = Duration::from_millis(10);
 /// Shortest interval at which they do.
 const MIN_STATE_INTERVAL: Duration = Duration::from_millis(2);
 
-/// Arm, hand, camera and truth of a table, each on its ports.
+/// Arm, hand, cameras and truth of a table, each on its ports.
 pub struct ServedTable {
     table: LiveTable,
     arm: ControlBoardServer,
     hand: ControlBoardServer,
     grasps: HandServer,
     camera: FrameGrabberServer,
+    depth: FrameGrabberServer,
     // Closed on drop.
     _truth: RpcServer,
 }
@@ -37,7 +39,7 @@ impl std::fmt::Debug for ServedTable {
 }
 
 impl ServedTable {
-    /// Opens the ports: `PREFIX/wam`, `PREFIX/hand`, `PREFIX/camera` and `PREFIX/truth/rpc:i`.
+    /// Opens the ports: `PREFIX/wam`, `PREFIX/hand`, `PREFIX/camera`, `PREFIX/depth` and `PREFIX/truth/rpc:i`.
     ///
     /// `speed` is that of the table: the states are published as often on its own clock.
     pub fn open(
@@ -56,25 +58,29 @@ impl ServedTable {
         )?;
         let (network, prefix) = (network.clone(), prefix.to_owned());
         let (wam, fingers, eye) = (table.arm(), table.hand(), table.camera());
+        let sensor = table.depth();
         let opening = async move {
             let name = |part: &str| format!("{prefix}/{part}");
             let board = || ControlBoardOptions::new().period(interval);
             let images = FrameGrabberOptions::new();
+            let raw = images.clone().capability(Capability::Raw);
             let (wam_name, hand_name, camera_name) = (name("wam"), name("hand"), name("camera"));
             Ok::<_, TableDemoError>((
                 ControlBoardServer::open(&network, wam, &wam_name, board()).await?,
                 ControlBoardServer::open(&network, fingers.clone(), &hand_name, board()).await?,
                 HandServer::open(&network, fingers, &hand_name).await?,
                 FrameGrabberServer::open(&network, eye, &camera_name, images).await?,
+                FrameGrabberServer::open(&network, sensor, &name("depth"), raw).await?,
             ))
         };
-        let (arm, hand, grasps, camera) = wait(opening)?;
+        let (arm, hand, grasps, camera, depth) = wait(opening)?;
         Ok(Self {
             table,
             arm,
             hand,
             grasps,
             camera,
+            depth,
             _truth: truth,
         })
     }
@@ -92,9 +98,11 @@ impl ServedTable {
             hand,
             grasps,
             camera,
+            depth,
             _truth: truth,
         } = self;
         wait(async move {
+            depth.close().await;
             camera.close().await;
             grasps.close().await;
             hand.close().await;

@@ -71,6 +71,9 @@ pub struct RemoteTruth {
 }
 
 impl RemoteTruth {
+    /// Name in reports.
+    pub const NAME: &'static str = "truth";
+
     /// Connects to the port of the truth.
     ///
     /// * `noise`: standard deviation of a place along x and along y, m; also of the yaw, as if on a radius of 50 mm.
@@ -143,7 +146,7 @@ impl RemoteTruth {
 
 impl Detector for RemoteTruth {
     fn name(&self) -> &'static str {
-        "truth"
+        Self::NAME
     }
 
     fn detect(&mut self) -> Result<Vec<Item>, DetectError> {

@@ -111,7 +111,8 @@ pub fn write_shot(directory: &Path, name: &str, shot: &Shot) -> Result<(), Outpu
     fs::write(&path, shot.truth.to_xml()).map_err(OutputError::file(&path))
 }
 
-/// Writes the print of each carton into a folder, as `KIND-FACE.png`: models for a recogniser, 3 pixels per mm.
+/// Writes the print of each carton into a folder, as `KIND-FACE.png`: models for a recogniser, 3 pixels per mm; and
+/// [`objects_xml`] as `objects.xml`.
 ///
 /// Errors: [`OutputError`].
 pub fn write_models(directory: &Path) -> Result<(), OutputError> {
@@ -121,7 +122,29 @@ pub fn write_models(directory: &Path) -> Result<(), OutputError> {
             write_image(&directory.join(name), &brick_face(kind, face))?;
         }
     }
-    Ok(())
+    let path = directory.join("objects.xml");
+    fs::write(&path, objects_xml()).map_err(OutputError::file(&path))
+}
+
+/// Returns the object database of the table for a recogniser: kinds with the ranges of their sizes, and the prints that lie
+/// up as the image files of [`write_models`].
+pub fn objects_xml() -> String {
+    let mut text = String::from("<objects>\n");
+    for kind in BrickKind::all() {
+        let [width, length, height] = kind.size();
+        let name = kind.name();
+        text += &format!(
+            "  <object name=\"{name}\" shape=\"printed\" sides=\"{width} {length}\" height=\"{height} {height}\">\n    \
+             <print image=\"{name}-front.png\"/>\n    <print image=\"{name}-back.png\"/>\n  </object>\n"
+        );
+    }
+    text += r#"  <object name="glass" shape="circle" radius="0.030 0.0425" height="0.080 0.150"/>
+  <object name="plate" shape="circle" radius="0.090 0.100" height="0.015 0.025"/>
+  <object name="box" shape="rectangle" sides="0.040 0.160" height="0.030 0.120"/>
+  <object name="prism" shape="triangle" sides="0.060 0.120" height="0.040 0.100"/>
+</objects>
+"#;
+    text
 }
 
 /// Arm and hand at some place above the table.

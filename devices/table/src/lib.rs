@@ -51,7 +51,7 @@ pub use yarp_devices::kinematics::Pose;
 
 pub use bricks::{BrickKind, Face};
 pub use camera::{Camera, Lens};
-pub use dataset::{Dataset, DatasetOptions, write_models, write_shot};
+pub use dataset::{Dataset, DatasetOptions, objects_xml, write_models, write_shot};
 pub use lighting::{Effects, Lamp, Lighting};
 #[cfg(unix)]
 pub use live::{DEPTH_FROM, DEPTH_STEP, LiveOptions, LiveTable, TableCamera, TableStatistics};

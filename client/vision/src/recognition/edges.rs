@@ -10,7 +10,7 @@ use crate::{Result, VisionError};
 const SIGMA: f64 = 1.4;
 
 /// The strongest gradient of the colours at each pixel.
-pub(super) struct Edges {
+pub(crate) struct Edges {
     pub(super) width: usize,
     pub(super) height: usize,
     /// Gradient to the right and down, grey values per pixel times 8 (Sobel), row after row.
@@ -18,7 +18,7 @@ pub(super) struct Edges {
 }
 
 impl Edges {
-    pub(super) fn new(image: &Mat) -> Result<Self> {
+    pub(crate) fn new(image: &Mat) -> Result<Self> {
         Self::of(image).map_err(VisionError::cv("find edges"))
     }
 
@@ -89,7 +89,7 @@ impl Edges {
 
     /// Returns the place along `normal` within `reach` pixels of `point` with the strongest gradient across the outline,
     /// and its strength in grey values per pixel.
-    pub(super) fn strongest(
+    pub(crate) fn strongest(
         &self,
         point: [f64; 2],
         normal: [f64; 2],

@@ -18,7 +18,7 @@ pub use polygons::PolygonParameters;
 pub use sift::{ModelDatabase, SiftParameters};
 
 use crate::{Detection, Image, Result, VisionError, mat};
-use edges::Edges;
+pub(crate) use edges::Edges;
 
 /// Smallest standard deviation of the grey values of an image that shows something.
 const MIN_CONTRAST: f64 = 4.0;
@@ -77,7 +77,8 @@ fn extend(objects: &mut Vec<Detection>, found: Vec<Detection>) {
     }
 }
 
-fn check_contrast(grey: &opencv::core::Mat) -> Result<()> {
+/// Fails if an image shows nothing.
+pub(crate) fn check_contrast(grey: &impl opencv::core::ToInputArray) -> Result<()> {
     let (mut mean, mut deviation) = (opencv::core::Mat::default(), opencv::core::Mat::default());
     opencv::core::mean_std_dev_def(grey, &mut mean, &mut deviation)
         .map_err(VisionError::cv("measure contrast"))?;

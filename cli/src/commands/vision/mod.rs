@@ -1,0 +1,45 @@
+//! `yarp vision`: object recognition in image files, and its evaluation on simulated tables.
+
+mod detect;
+#[cfg(feature = "table")]
+mod evaluate;
+#[cfg(feature = "table")]
+mod select;
+
+use std::io::Write;
+use std::process::ExitCode;
+
+use crate::error::{Failure, Result};
+
+/// find objects in images, and evaluate how well
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Action {
+    /// Find printed objects, circles and polygons in an image; exits with 1 if there are none
+    Detect(detect::Args),
+    /// Compare detections on random simulated tables with the truth; exits with 1 below the targets
+    #[cfg(feature = "table")]
+    Evaluate(evaluate::Args),
+    /// Select the detector's parameters by ROC curves on training tables, with results on a test split
+    #[cfg(feature = "table")]
+    Select(select::Args),
+}
+
+fn failed(error: impl std::error::Error + Send + Sync + 'static) -> Failure {
+    Failure::Vision(error.into())
+}
+
+pub(super) fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
+    match args.action {
+        Action::Detect(args) => detect::run(args, out),
+        #[cfg(feature = "table")]
+        Action::Evaluate(args) => evaluate::run(args, out),
+        #[cfg(feature = "table")]
+        Action::Select(args) => select::run(args, out),
+    }
+}

@@ -1,0 +1,309 @@
+//! From a face to an object: outline, size, print.
+
+use std::sync::{Mutex, PoisonError};
+
+use nalgebra::Point3;
+use opencv::core::Mat;
+
+use super::height_map::Face;
+use super::outline::{self, Outline};
+use super::print::{Print, RectifiedFace};
+use super::{
+    DetectorParameters, DetectorSetup, FoundObject, KindFace, ObjectDatabase, ObjectKind, refine,
+};
+use crate::{Detection, Elevation, Polygon, Result, Shape, VisionError};
+
+/// Largest difference between a measured and a listed size, and between heights, m.
+const SIZE_TOLERANCE: f64 = 0.005;
+pub(super) const HEIGHT_TOLERANCE: f64 = 0.004;
+/// Largest distance of an outline beyond the border of the image, pixels.
+const BORDER_TOLERANCE: f64 = 2.0;
+/// Threads that examine faces.
+const THREADS: usize = 2;
+
+/// The parts of a detector that threads share.
+pub(super) struct Examiner<'a> {
+    pub(super) setup: &'a DetectorSetup,
+    pub(super) parameters: &'a DetectorParameters,
+    pub(super) database: &'a ObjectDatabase,
+    /// Prints of each kind.
+    pub(super) prints: &'a [Vec<Mutex<Print>>],
+}
+
+impl Examiner<'_> {
+    /// Returns the objects of all faces, in the order of the faces.
+    pub(super) fn examine_all(&self, image: &Mat, faces: &[Face]) -> Result<Vec<FoundObject>> {
+        let next = std::sync::atomic::AtomicUsize::new(0);
+        let examine = || {
+            let mut found = Vec::new();
+            loop {
+                let index = next.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+                let Some(face) = faces.get(index) else {
+                    return Ok(found);
+                };
+                found.extend(self.examine(image, face)?.map(|object| (index, object)));
+            }
+        };
+        let parts: Vec<Result<Vec<(usize, FoundObject)>>> = std::thread::scope(|scope| {
+            let helpers: Vec<_> = (1..THREADS).map(|_| scope.spawn(examine)).collect();
+            let mut parts = vec![examine()];
+            for helper in helpers {
+                parts.push(helper.join().expect("examining a face does not panic"));
+            }
+            parts
+        });
+        let mut all = Vec::new();
+        for part in parts {
+            all.extend(part?);
+        }
+        all.sort_by_key(|(index, _)| *index);
+        Ok(all.into_iter().map(|(_, object)| object).collect())
+    }
+
+    /// Returns the object whose upper face this is.
+    fn examine(&self, image: &Mat, face: &Face) -> Result<Option<FoundObject>> {
+        let failed = VisionError::cv("fit an outline");
+        let Some((outline, fill)) = outline::fit(face).map_err(failed)? else {
+            return Ok(None);
+        };
+        if fill < self.parameters.min_fill {
+            return Ok(None);
+        }
+        let height = self.setup.surface + face.height;
+        let camera = &self.setup.camera;
+        let gradient = self.parameters.gradient;
+        let Some(around) = refine::Surroundings::new(image, camera, &outline, height, gradient)?
+        else {
+            return Ok(None);
+        };
+        let (outline, _) = around.refine(&outline, self.parameters.reach);
+        let (outline, support) = around.refine(&outline, self.parameters.reach / 2.0);
+        if support < self.parameters.min_support || !self.is_within_image(&outline, height) {
+            return Ok(None);
+        }
+        self.named(image, &outline, face.height, fill * support)
+    }
+
+    /// Returns whether an outline lies within the image: of one that does not, nobody knows where it ends.
+    fn is_within_image(&self, outline: &Outline, height: f64) -> bool {
+        let camera = &self.setup.camera;
+        let size = camera.intrinsics.size;
+        let inside = |pixel: &[f64; 2]| {
+            let in_range = |axis: usize| {
+                (-BORDER_TOLERANCE..=size[axis] as f64 - 1.0 + BORDER_TOLERANCE)
+                    .contains(&pixel[axis])
+            };
+            in_range(0) && in_range(1)
+        };
+        refine::pixels(camera, outline, height).iter().all(inside)
+    }
+
+    /// Returns the object with this outline, if the database has its kind.
+    fn named(
+        &self,
+        image: &Mat,
+        outline: &Outline,
+        height: f64,
+        score: f64,
+    ) -> Result<Option<FoundObject>> {
+        let camera = &self.setup.camera;
+        let top = self.setup.surface + height;
+        let contour = refine::pixels(camera, outline, top);
+        let [x, y] = outline.centre();
+        let Some(centre) = camera.project(&Point3::new(x, y, top)) else {
+            return Ok(None);
+        };
+        let named = match outline {
+            Outline::Circle { radius, .. } => self.circle(*radius, height),
+            Outline::Polygon(corners) if corners.len() == 3 => {
+                self.triangle(&sides(corners), &contour, height)
+            }
+            Outline::Polygon(corners) => {
+                self.rectangle(image, &sides(corners), &contour, height)?
+            }
+        };
+        let Some(named) = named else {
+            return Ok(None);
+        };
+        let detection = Detection {
+            shape: named.shape,
+            centre,
+            contour,
+            score: named.score.unwrap_or(score),
+        };
+        let pose = camera.pose_of(&detection, Elevation::Height(top));
+        Ok(Some(FoundObject {
+            kind: named.kind,
+            detection,
+            pose,
+            height: Some(height),
+            size: Some(named.size),
+        }))
+    }
+
+    fn circle(&self, radius: f64, height: f64) -> Option<Named> {
+        let kind = self.kind_of(
+            height,
+            |face| matches!(face, KindFace::Circle { radius: range } if fits(radius, *range)),
+        )?;
+        Some(Named {
+            kind,
+            shape: Shape::Cylinder {
+                radius: self.pixels(radius, height),
+            },
+            size: [2.0 * radius; 2],
+            score: None,
+        })
+    }
+
+    fn triangle(&self, sides: &[f64], contour: &[[f64; 2]], height: f64) -> Option<Named> {
+        let longest = sides.iter().copied().fold(0.0, f64::max);
+        let shortest = sides.iter().copied().fold(f64::INFINITY, f64::min);
+        let side = sides.iter().sum::<f64>() / 3.0;
+        let is_even = longest - shortest < 2.0 * SIZE_TOLERANCE;
+        let kind = self.kind_of(height, |face| {
+            matches!(face, KindFace::Triangle { sides: range } if is_even && fits(side, *range))
+        })?;
+        let shape = Shape::Polygon(Polygon::Triangle {
+            side: self.pixels(side, height),
+            angle: direction(contour),
+        });
+        Some(Named {
+            kind,
+            shape,
+            size: [side; 2],
+            score: None,
+        })
+    }
+
+    fn rectangle(
+        &self,
+        image: &Mat,
+        sides: &[f64],
+        contour: &[[f64; 2]],
+        height: f64,
+    ) -> Result<Option<Named>> {
+        let [one, other] = [0, 1].map(|index| (sides[index] + sides[index + 2]) / 2.0);
+        let size = [one.max(other), one.min(other)];
+        if let Some((kind, inliers)) = self.printed(image, contour, [one, other], height)? {
+            let shape = Shape::Textured {
+                model: kind.clone(),
+            };
+            return Ok(Some(Named {
+                kind,
+                shape,
+                size,
+                score: Some(inliers as f64),
+            }));
+        }
+        let kind = self.kind_of(height, |face| {
+            matches!(face, KindFace::Rectangle { sides: range }
+                if fits(one, *range) && fits(other, *range))
+        });
+        let shape = Shape::Polygon(Polygon::Rectangle {
+            sides: size.map(|side| self.pixels(side, height)),
+            angle: direction(contour),
+        });
+        Ok(kind.map(|kind| Named {
+            kind,
+            shape,
+            size,
+            score: None,
+        }))
+    }
+
+    /// Returns the first kind of this height whose upper face fits.
+    fn kind_of(&self, height: f64, fits: impl Fn(&KindFace) -> bool) -> Option<String> {
+        let at_height = |kind: &&ObjectKind| {
+            let [low, high] = kind.height;
+            (low - HEIGHT_TOLERANCE..=high + HEIGHT_TOLERANCE).contains(&height)
+        };
+        let mut kinds = self.database.kinds.iter().filter(at_height);
+        let kind = kinds.find(|kind| fits(&kind.face))?;
+        Some(kind.name.clone())
+    }
+
+    /// Returns the length in the image of something at this height above the table.
+    fn pixels(&self, metres: f64, height: f64) -> f64 {
+        let camera = &self.setup.camera;
+        let focal = (camera.intrinsics.focal[0] + camera.intrinsics.focal[1]) / 2.0;
+        let distance = camera.pose.translation.vector.z - self.setup.surface - height;
+        metres * focal / distance.max(1e-3)
+    }
+
+    /// Returns the printed kind that a rectangular face shows, with the number of agreeing features.
+    fn printed(
+        &self,
+        image: &Mat,
+        contour: &[[f64; 2]],
+        sides: [f64; 2],
+        height: f64,
+    ) -> Result<Option<(String, usize)>> {
+        let size = [sides[0].min(sides[1]), sides[0].max(sides[1])];
+        let mut rectified = None;
+        let mut best: Option<(String, usize)> = None;
+        for (kind, prints) in self.database.kinds.iter().zip(self.prints) {
+            let KindFace::Printed { sides: listed, .. } = &kind.face else {
+                continue;
+            };
+            let near = |one: f64, other: f64| (one - other).abs() <= 2.0 * SIZE_TOLERANCE;
+            let fits = near(size[0], listed[0])
+                && near(size[1], listed[1])
+                && height >= kind.height[0] - HEIGHT_TOLERANCE
+                && height <= kind.height[1] + HEIGHT_TOLERANCE;
+            if !fits || contour.len() != 4 {
+                continue;
+            }
+            if rectified.is_none() {
+                rectified = Some(RectifiedFace::new(image, contour, sides)?);
+            }
+            let Some(face) = &rectified else { continue };
+            for print in prints {
+                let mut print = print.lock().unwrap_or_else(PoisonError::into_inner);
+                let inliers = face.inliers(&mut print, self.parameters.ratio)?;
+                let better = best.as_ref().is_none_or(|(_, most)| inliers > *most);
+                if inliers >= self.parameters.min_inliers && better {
+                    best = Some((kind.name.clone(), inliers));
+                }
+            }
+        }
+        Ok(best)
+    }
+}
+
+/// Kind, shape and size of an outline.
+struct Named {
+    kind: String,
+    shape: Shape,
+    /// Longer and shorter side or twice the diameter, m.
+    size: [f64; 2],
+    /// Score that replaces that of the outline.
+    score: Option<f64>,
+}
+
+fn fits(value: f64, [low, high]: [f64; 2]) -> bool {
+    (low - SIZE_TOLERANCE..=high + SIZE_TOLERANCE).contains(&value)
+}
+
+fn sides(corners: &[[f64; 2]]) -> Vec<f64> {
+    let ends = |index: usize| (corners[index], corners[(index + 1) % corners.len()]);
+    (0..corners.len())
+        .map(ends)
+        .map(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1]))
+        .collect()
+}
+
+/// Returns the direction of the longest side of a contour, rad, in -π/2..=π/2.
+fn direction(contour: &[[f64; 2]]) -> f64 {
+    let side = |index: usize| {
+        let (a, b) = (contour[index], contour[(index + 1) % contour.len()]);
+        [b[0] - a[0], b[1] - a[1]]
+    };
+    let longest = (0..contour.len())
+        .map(side)
+        .max_by(|one, other| one[0].hypot(one[1]).total_cmp(&other[0].hypot(other[1])));
+    match longest {
+        Some([dx, dy]) if dx != 0.0 => (dy / dx).atan(),
+        _ => std::f64::consts::FRAC_PI_2,
+    }
+}

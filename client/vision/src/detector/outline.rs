@@ -1,0 +1,189 @@
+//! Outlines of faces in the plane of the table: circles, rectangles, triangles through measured points.
+
+use nalgebra::{Matrix3, Vector3};
+use opencv::core::{Point2f, RotatedRect, Vector};
+use opencv::imgproc;
+
+use super::height_map::Face;
+use crate::shape::polygon_area;
+
+/// Directions from the middle of a face in which its farthest point is looked for.
+const DIRECTIONS: usize = 72;
+/// Largest distance of a point from its circle, m.
+const CIRCLE_REACH: f64 = 0.0018;
+/// Largest distance of a point from its side, m.
+const SIDE_REACH: f64 = 0.003;
+/// Fewest points of the rim on each side of a face of which something hides a part.
+const MIN_SIDE_RIM: usize = 5;
+/// Smallest share of the rim of a round face that lies on its circle.
+const MIN_CIRCLE: f64 = 0.7;
+/// Points of a whole face that may have something nearer beside them.
+const MAX_HIDDEN: usize = 4;
+/// Circles through three points that are tried.
+const TRIALS: usize = 120;
+/// OpenCV's outlines have single precision: they are computed in mm about the middle of the face.
+const MILLIMETRE: f64 = 1e-3;
+
+/// An outline, m.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Outline {
+    Circle {
+        centre: [f64; 2],
+        radius: f64,
+    },
+    /// Three or four corners in order.
+    Polygon(Vec<[f64; 2]>),
+}
+
+impl Outline {
+    /// Returns the centre of a circle, or the mean of the corners.
+    pub(super) fn centre(&self) -> [f64; 2] {
+        match self {
+            Self::Circle { centre, .. } => *centre,
+            Self::Polygon(corners) => mean(corners),
+        }
+    }
+}
+
+/// Returns the outline that fits a face best, with the share of it that the points agree with, 0 to 1.
+pub(super) fn fit(face: &Face) -> opencv::Result<Option<(Outline, f64)>> {
+    let points = &face.points;
+    if points.len() < 3 {
+        return Ok(None);
+    }
+    let middle = mean(points);
+    let rim = rim(face, middle);
+    if let Some((outline, share)) = circle(&rim)
+        && share >= MIN_CIRCLE
+    {
+        return Ok(Some((outline, share)));
+    }
+    let local = |point: &[f64; 2]| {
+        let [x, y] = [0, 1].map(|axis| ((point[axis] - middle[axis]) / MILLIMETRE) as f32);
+        Point2f::new(x, y)
+    };
+    let back = |point: Point2f| {
+        [
+            middle[0] + f64::from(point.x) * MILLIMETRE,
+            middle[1] + f64::from(point.y) * MILLIMETRE,
+        ]
+    };
+    let all: Vector<Point2f> = points.iter().map(local).collect();
+    let mut hull: Vector<Point2f> = Vector::new();
+    imgproc::convex_hull_def(&all, &mut hull)?;
+    if hull.len() < 3 {
+        return Ok(None);
+    }
+    let area = imgproc::contour_area_def(&hull)? * MILLIMETRE * MILLIMETRE;
+    let around: RotatedRect = imgproc::min_area_rect(&hull)?;
+    let mut corners = [Point2f::default(); 4];
+    around.points(&mut corners)?;
+    let rectangle = corners.map(back).to_vec();
+    let mut triangle: Vector<Point2f> = Vector::new();
+    imgproc::min_enclosing_triangle(&hull, &mut triangle)?;
+    let triangle: Vec<[f64; 2]> = triangle.iter().map(back).collect();
+    let fill = |outline: &[[f64; 2]]| match outline.len() {
+        3 | 4 => area / polygon_area(outline).max(1e-12),
+        _ => 0.0,
+    };
+    // Where something hides a part of the face, its area says nothing: the rim that is in sight does.
+    let is_whole = face.hidden_beside.iter().filter(|hidden| **hidden).count() <= MAX_HIDDEN;
+    let share = |outline: &[[f64; 2]]| match is_whole {
+        true => fill(outline),
+        false => on_sides(outline, &rim),
+    };
+    let (of_rectangle, of_triangle) = (share(&rectangle), share(&triangle));
+    Ok(Some(if of_rectangle >= of_triangle {
+        (Outline::Polygon(rectangle), of_rectangle)
+    } else {
+        (Outline::Polygon(triangle), of_triangle)
+    }))
+}
+
+/// Returns the farthest point of a face in each direction, where nothing hides what may be beyond it.
+fn rim(face: &Face, middle: [f64; 2]) -> Vec<[f64; 2]> {
+    let mut farthest: Vec<Option<(f64, [f64; 2], bool)>> = vec![None; DIRECTIONS];
+    for (point, hidden) in face.points.iter().zip(&face.hidden_beside) {
+        let [x, y] = [point[0] - middle[0], point[1] - middle[1]];
+        let turn = y.atan2(x) / std::f64::consts::TAU + 0.5;
+        let slot = &mut farthest[(turn * DIRECTIONS as f64) as usize % DIRECTIONS];
+        let distance = x.hypot(y);
+        if slot.is_none_or(|(other, ..)| distance > other) {
+            *slot = Some((distance, *point, *hidden));
+        }
+    }
+    let seen = farthest.iter().flatten().filter(|(.., hidden)| !hidden);
+    seen.map(|(_, point, _)| *point).collect()
+}
+
+/// Returns the share of the rim that lies on the sides of a polygon; 0 if a side has little of the rim: then it is where
+/// something begins to hide the face, and nobody knows where the face ends.
+fn on_sides(corners: &[[f64; 2]], rim: &[[f64; 2]]) -> f64 {
+    let near = |point: &[f64; 2], index: usize| {
+        let (a, b) = (corners[index], corners[(index + 1) % corners.len()]);
+        let [dx, dy] = [b[0] - a[0], b[1] - a[1]];
+        let across = (point[0] - a[0]) * dy - (point[1] - a[1]) * dx;
+        across.abs() / dx.hypot(dy).max(1e-9) < SIDE_REACH
+    };
+    let sides = 0..corners.len();
+    let of_side = |index: usize| rim.iter().filter(|point| near(point, index)).count();
+    if corners.len() < 3 || sides.clone().any(|index| of_side(index) < MIN_SIDE_RIM) {
+        return 0.0;
+    }
+    let on_any = |point: &&[f64; 2]| sides.clone().any(|index| near(point, index));
+    rim.iter().filter(on_any).count() as f64 / rim.len() as f64
+}
+
+/// Returns the circle through the rim of a face, and the share of the rim that lies on it.
+fn circle(rim: &[[f64; 2]]) -> Option<(Outline, f64)> {
+    if rim.len() < DIRECTIONS / 3 {
+        return None;
+    }
+    let on = |(centre, radius): &([f64; 2], f64)| -> Vec<[f64; 2]> {
+        let near = |point: &&[f64; 2]| {
+            let distance = (point[0] - centre[0]).hypot(point[1] - centre[1]);
+            (distance - radius).abs() < CIRCLE_REACH
+        };
+        rim.iter().filter(near).copied().collect()
+    };
+    // Spread over the rim, the same for the same points.
+    let trial = |index: usize| {
+        let pick =
+            |step: usize| rim[(index * 7 + step * rim.len() / 3 + index / 9 * step) % rim.len()];
+        circle_through(&[pick(0), pick(1), pick(2)])
+    };
+    let best = (0..TRIALS)
+        .filter_map(trial)
+        .max_by_key(|circle| on(circle).len())?;
+    let refined = circle_through(&on(&best)).unwrap_or(best);
+    let supporters = on(&refined).len();
+    let share = supporters as f64 / rim.len() as f64;
+    let (centre, radius) = refined;
+    Some((Outline::Circle { centre, radius }, share))
+}
+
+/// Returns centre and radius of the circle through points in the least squares sense (Kåsa 1976).
+pub(super) fn circle_through(points: &[[f64; 2]]) -> Option<([f64; 2], f64)> {
+    if points.len() < 3 {
+        return None;
+    }
+    let middle = mean(points);
+    let (mut matrix, mut vector) = (Matrix3::zeros(), Vector3::zeros());
+    for point in points {
+        let [x, y] = [point[0] - middle[0], point[1] - middle[1]];
+        let row = Vector3::new(x, y, 1.0);
+        matrix += row * row.transpose();
+        vector += row * (x * x + y * y);
+    }
+    let solution = matrix.lu().solve(&vector)?;
+    let (x, y) = (solution.x / 2.0, solution.y / 2.0);
+    let radius = (solution.z + x * x + y * y).sqrt();
+    radius
+        .is_finite()
+        .then_some(([middle[0] + x, middle[1] + y], radius))
+}
+
+pub(super) fn mean(points: &[[f64; 2]]) -> [f64; 2] {
+    let count = points.len().max(1) as f64;
+    [0, 1].map(|axis| points.iter().map(|point| point[axis]).sum::<f64>() / count)
+}

@@ -1,0 +1,167 @@
+//! A detector that looks through the table's cameras, over the network.
+
+use std::time::{Duration, Instant};
+
+use nalgebra::{Rotation3, Translation3, Vector3};
+use yarp_client::{Camera, Network};
+use yarp_devices::kinematics::Pose;
+use yarp_manipulation::{Class, DetectError, Detector, Item, ItemShape};
+use yarp_table::{DEPTH_FROM, DEPTH_STEP};
+use yarp_vision::image_source::{DEFAULT_STREAM_TIMEOUT, ImageSource, RemoteImages};
+use yarp_vision::simulated::{table_database, table_setup};
+use yarp_vision::{
+    DepthImage, DetectorParameters, DetectorSetup, FoundObject, Frame, Shape, VisionError,
+};
+
+/// Name in reports.
+const NAME: &str = "vision";
+/// Maximum wait for images that are newer than a request.
+const IMAGE_TIMEOUT: Duration = Duration::from_secs(20);
+/// Images of each camera that a request waits for: the first may have been under way when it came.
+const NEW_IMAGES: u64 = 2;
+/// Interval between two looks for a new image.
+const POLL_INTERVAL: Duration = Duration::from_millis(5);
+/// Largest distance of an object from where it was in the detection before, m.
+const SAME_PLACE: f64 = 0.03;
+
+/// A detector that uses the colour camera and the depth sensor of a table.
+#[derive(Debug)]
+pub struct RemoteVision {
+    colour: RemoteImages,
+    depth: RemoteImages,
+    names: [String; 2],
+    setup: DetectorSetup,
+    detector: yarp_vision::Detector,
+    /// Objects of the detection before, and the number of the next new one.
+    known: Vec<Item>,
+    next: u32,
+}
+
+impl RemoteVision {
+    /// Connects to the cameras of these names.
+    ///
+    /// Errors: those of [`Camera::connect_on`], and of the detector's prints.
+    pub fn connect(network: &Network, names: [String; 2]) -> Result<Self, VisionError> {
+        let images = |name: &str| -> Result<RemoteImages, VisionError> {
+            let camera = Camera::connect_on(network, name)?;
+            Ok(RemoteImages::new(camera, DEFAULT_STREAM_TIMEOUT * 5))
+        };
+        let setup = table_setup();
+        let parameters = DetectorParameters::default();
+        Ok(Self {
+            colour: images(&names[0])?,
+            depth: images(&names[1])?,
+            detector: yarp_vision::Detector::new(table_database(), setup.clone(), parameters)?,
+            names,
+            setup,
+            known: Vec::new(),
+            next: 0,
+        })
+    }
+
+    fn look(&mut self) -> Result<Vec<FoundObject>, DetectError> {
+        let colour = newer(&mut self.colour, &self.names[0])?;
+        let depth = newer(&mut self.depth, &self.names[1])?;
+        let depth = depth.to_mono().map_err(failed)?.image;
+        let depth = DepthImage::from_grey(&depth, f64::from(DEPTH_FROM), f64::from(DEPTH_STEP));
+        let depth = depth.map_err(failed)?;
+        self.detector
+            .detect(&colour.image, Some(&depth))
+            .map_err(failed)
+    }
+
+    fn item(&mut self, found: &FoundObject) -> Option<Item> {
+        let (class, shape, pose) = described(found, &self.setup)?;
+        let place = pose.translation.vector;
+        let same = self.known.iter().find(|item| {
+            let gap = (item.pose.translation.vector - place).xy().norm();
+            item.class == class && gap < SAME_PLACE
+        });
+        let id = same.map_or(self.next, |item| item.id);
+        self.next = self.next.max(id + 1);
+        Some(Item {
+            id,
+            label: found.kind.clone(),
+            class,
+            shape,
+            pose,
+        })
+    }
+}
+
+impl Detector for RemoteVision {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn detect(&mut self) -> Result<Vec<Item>, DetectError> {
+        let found = self.look()?;
+        let items: Vec<Item> = found.iter().filter_map(|found| self.item(found)).collect();
+        self.known.clone_from(&items);
+        Ok(items)
+    }
+}
+
+/// Waits for an image that was taken after the call.
+fn newer(images: &mut RemoteImages, name: &str) -> Result<Frame, DetectError> {
+    let start = Instant::now();
+    let mut first = None;
+    loop {
+        let frame = images.latest().map_err(failed)?;
+        if frame.number >= *first.get_or_insert(frame.number) + NEW_IMAGES {
+            return Ok(frame);
+        }
+        if start.elapsed() >= IMAGE_TIMEOUT {
+            return Err(DetectError::Stale {
+                detector: NAME,
+                peer: name.to_owned(),
+                seconds: IMAGE_TIMEOUT.as_secs_f64(),
+            });
+        }
+        std::thread::sleep(POLL_INTERVAL);
+    }
+}
+
+fn failed(error: impl std::error::Error + Send + Sync + 'static) -> DetectError {
+    DetectError::Failed {
+        detector: NAME,
+        source: Box::new(error),
+    }
+}
+
+/// Returns class, shape and pose of an object that stands on the table.
+fn described(found: &FoundObject, setup: &DetectorSetup) -> Option<(Class, ItemShape, Pose)> {
+    let (pose, height, [longer, shorter]) = (found.pose?, found.height?, found.size?);
+    let top = pose.position;
+    let yaw = pose.yaw.unwrap_or(0.0);
+    let (class, shape, turn) = match &found.detection.shape {
+        Shape::Cylinder { .. } => {
+            let radius = longer / 2.0;
+            let class = match found.kind.as_str() {
+                "plate" => Class::Plate,
+                _ => Class::Glass,
+            };
+            (class, ItemShape::Cylinder { radius, height }, 0.0)
+        }
+        _ if found.detection.contour.len() == 3 => {
+            // One side is along y, at negative x: x points from its middle to the third corner.
+            let corner = |index: usize| {
+                let pixel = found.detection.contour[index];
+                setup.camera.on_plane(pixel, top.z)
+            };
+            let apex = corner(2)? - top;
+            let side = longer;
+            let turn = apex.y.atan2(apex.x);
+            (Class::Polygon, ItemShape::Prism { side, height }, turn)
+        }
+        _ => {
+            // y is along the longest side.
+            let size = [shorter, longer, height];
+            let turn = yaw - std::f64::consts::FRAC_PI_2;
+            (Class::Polygon, ItemShape::Cuboid { size }, turn)
+        }
+    };
+    let place = Translation3::new(top.x, top.y, top.z - height / 2.0);
+    let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), turn);
+    Some((class, shape, Pose::from_parts(place, turn)))
+}
