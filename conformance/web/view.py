@@ -192,7 +192,7 @@ def messages(world, browser, prefix):
     writer.stdin.write(text)
     writer.stdin.flush()
     browser.until("the plan is shown", "return document.getElementById('step').textContent.includes('glass 3')")
-    browser.until("the log is shown", "return document.querySelector('#log .warning')?.textContent.includes('<img')")
+    browser.until("the log is shown", "return [...document.querySelectorAll('#log .warning')].some((line) => line.textContent.includes('<img'))")
     check("plans and log lines of other programs are shown, as text", browser.alert() is None)
 
 

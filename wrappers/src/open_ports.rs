@@ -33,15 +33,22 @@ pub(crate) async fn open(
         .map_err(|source| OpenError::Port { name, source })
 }
 
-/// Opens the ports `NAME/SUFFIX`, in this order; all of them, or none.
-pub(crate) async fn open_all<const N: usize>(
+/// Returns the name of a port: `PREFIX/SUFFIX`, or the prefix alone if the suffix is empty.
+pub(crate) fn port_name(prefix: &str, suffix: &str) -> String {
+    match suffix {
+        "" => prefix.to_owned(),
+        _ => format!("{prefix}/{suffix}"),
+    }
+}
+
+/// Opens ports by their names, in this order; all of them, or none.
+pub(crate) async fn open_all(
     network: &Network,
-    name: &str,
-    wanted: [(&str, PortOptions); N],
-) -> Result<[Port; N], OpenError> {
-    let mut opened = Vec::with_capacity(N);
-    for (suffix, options) in wanted {
-        match open(network, format!("{name}/{suffix}"), options).await {
+    wanted: Vec<(String, PortOptions)>,
+) -> Result<Vec<Port>, OpenError> {
+    let mut opened = Vec::with_capacity(wanted.len());
+    for (name, options) in wanted {
+        match open(network, name, options).await {
             Ok(port) => opened.push(port),
             Err(error) => {
                 close_all(opened).await;
@@ -49,7 +56,7 @@ pub(crate) async fn open_all<const N: usize>(
             }
         }
     }
-    Ok(opened.try_into().expect("all were opened"))
+    Ok(opened)
 }
 
 /// Closes ports concurrently; takes a few seconds at most, even if peers do not answer.

@@ -76,6 +76,9 @@ pub(crate) async fn connect_supervised(
     }
 }
 
+/// Test for missing messages of a stream; boxed, so that the task that runs it is compiled once.
+pub(crate) type Missing = Box<dyn Fn() -> bool + Send>;
+
 /// Connects a writer to a port of ours, and again whenever `are_missing` returns true; `asking` does the latter. An
 /// error is that of the first time.
 pub(crate) async fn subscribe(
@@ -83,7 +86,7 @@ pub(crate) async fn subscribe(
     (from, to): (&str, &str),
     carrier: &str,
     asking: &mut JoinSet<()>,
-    are_missing: impl Fn() -> bool + Send + 'static,
+    are_missing: Missing,
 ) -> Result<(), OpenError> {
     remote_admin::connect(network, from, to, Some(carrier))
         .await
@@ -105,7 +108,7 @@ async fn resubscribe(
     from: String,
     to: String,
     carrier: String,
-    are_missing: impl Fn() -> bool,
+    are_missing: Missing,
 ) {
     loop {
         tokio::time::sleep(WATCH_INTERVAL).await;

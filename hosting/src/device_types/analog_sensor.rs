@@ -8,19 +8,18 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use yarp_devices::sensors::ChannelSensor;
-use yarp_devices::{Device, SensorKind};
-use yarp_ports::Network;
+use yarp_devices::{Device, DeviceError, SensorKind};
 use yarp_wire::PortName;
-use yarp_wire::settings::{Origin, Parameters};
+use yarp_wire::settings::Parameters;
 use yarp_wrappers::{
     AnalogSensorOptions, AnalogSensorServer, RemoteAnalogSensor, RemoteAnalogSensorOptions,
 };
 
-use super::attached_server::{AttachedServer, check_period};
+use super::attached_server::{AttachedServer, check_period, single};
 use super::local_device::LocalDevice;
 use super::remote_board::cast;
 use super::{OpenResult, Opening};
-use crate::{Attached, Future, HostError, Hosted};
+use crate::{Attached, HostError};
 
 /// Opens a client of a sensor that another program serves.
 pub(super) async fn remote(opening: Opening<'_>) -> OpenResult {
@@ -49,15 +48,18 @@ pub(super) async fn server(opening: Opening<'_>) -> OpenResult {
     for (part, channels) in parts(parameters)? {
         options = options.part(part, channels);
     }
-    Ok(Box::new(Server {
-        network: opening.network.clone(),
-        name: name.to_string(),
-        options,
-        sensor: parameters.get("sensor")?,
-        origin: parameters.origin().clone(),
-        device: parameters.device().to_owned(),
-        ports: AttachedServer::of(parameters),
-    }))
+    let sensor: Option<String> = parameters.get("sensor")?;
+    let (origin, device) = (parameters.origin().clone(), parameters.device().to_owned());
+    let choice = move |others: &[Attached]| {
+        let failed = |source| HostError::Device {
+            origin: origin.clone(),
+            device: device.clone(),
+            source,
+        };
+        sensor_of(single(others)?, sensor.as_deref(), failed)
+    };
+    let server = AttachedServer::<AnalogSensorServer, _>::boxed;
+    Ok(server(opening, name.to_string(), options, choice))
 }
 
 /// Reads `ports (a b)` and, for each, `a (first last first last)`: the channels of the sensor, and those of the port,
@@ -80,66 +82,28 @@ fn parts(parameters: &Parameters) -> Result<Vec<(String, Range<usize>)>, HostErr
     Ok(parts)
 }
 
-struct Server {
-    network: Network,
-    name: String,
-    options: AnalogSensorOptions,
-    /// Name of the sensor, of a device with several.
-    sensor: Option<String>,
-    origin: Origin,
-    device: String,
-    ports: AttachedServer<AnalogSensorServer>,
-}
-
-impl Server {
-    /// Returns the sensor of a device: its own channels, or one of its sensors, first of all a force/torque sensor.
-    fn sensor_of(&self, other: &Attached) -> Result<Arc<dyn Device>, HostError> {
-        if let Some(channels) = other.parts.channels.clone() {
-            return Ok(channels);
+/// Returns the sensor of a device: its own channels, or the one of its sensors with this name, first of all a
+/// force/torque sensor.
+fn sensor_of(
+    other: &Attached,
+    name: Option<&str>,
+    failed: impl FnOnce(Box<DeviceError>) -> HostError,
+) -> Result<Arc<dyn Device>, HostError> {
+    if let Some(channels) = other.parts.channels.clone() {
+        return Ok(channels);
+    }
+    let unsuitable = || HostError::Unsuitable {
+        device: other.device.clone(),
+        expected: "a sensor",
+    };
+    let sensors = other.parts.sensors.clone().ok_or_else(unsuitable)?;
+    let kinds = std::iter::once(SensorKind::ForceTorque).chain(SensorKind::ALL);
+    let mut first = None;
+    for kind in kinds {
+        match ChannelSensor::new(sensors.clone(), kind, name) {
+            Ok(sensor) => return Ok(Arc::new(sensor)),
+            Err(error) => drop(first.get_or_insert(error)),
         }
-        let unsuitable = || HostError::Unsuitable {
-            device: other.device.clone(),
-            expected: "a sensor",
-        };
-        let sensors = other.parts.sensors.clone().ok_or_else(unsuitable)?;
-        let kinds = std::iter::once(SensorKind::ForceTorque).chain(SensorKind::ALL);
-        let mut first = None;
-        for kind in kinds {
-            match ChannelSensor::new(sensors.clone(), kind, self.sensor.as_deref()) {
-                Ok(sensor) => return Ok(Arc::new(sensor)),
-                Err(error) => drop(first.get_or_insert(error)),
-            }
-        }
-        Err(first.map_or_else(unsuitable, |source| HostError::Device {
-            origin: self.origin.clone(),
-            device: self.device.clone(),
-            source: Box::new(source),
-        }))
     }
-}
-
-impl Hosted for Server {
-    fn attach(&mut self, others: Vec<Attached>) -> Future<'_, Result<(), HostError>> {
-        Box::pin(async move {
-            self.ports.check_free()?;
-            let [other] = &others[..] else {
-                return Err(HostError::Several { got: others.len() });
-            };
-            let sensor = self.sensor_of(other)?;
-            let options = self.options.clone();
-            let opening = AnalogSensorServer::open(&self.network, sensor, &self.name, options);
-            self.ports.open(opening).await
-        })
-    }
-
-    fn detach(&mut self) -> Future<'_, Result<(), HostError>> {
-        Box::pin(async move {
-            self.ports.close().await;
-            Ok(())
-        })
-    }
-
-    fn close(mut self: Box<Self>) -> Future<'static, ()> {
-        Box::pin(async move { self.ports.close().await })
-    }
+    Err(first.map_or_else(unsuitable, |source| failed(Box::new(source))))
 }

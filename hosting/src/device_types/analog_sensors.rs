@@ -9,7 +9,6 @@ use std::time::Duration;
 use yarp_devices::sensors::{SensorRemapper, SimulatedSensors, SimulatedSensorsOptions};
 use yarp_devices::wam::SimulatedWam;
 use yarp_devices::{Device, DeviceError, SensorKind};
-use yarp_ports::Network;
 use yarp_wire::PortName;
 use yarp_wire::settings::Origin;
 use yarp_wrappers::analog_sensors::MeasuresLayout;
@@ -17,7 +16,7 @@ use yarp_wrappers::{
     AnalogSensorsOptions, AnalogSensorsServer, RemoteAnalogSensors, RemoteAnalogSensorsOptions,
 };
 
-use super::attached_server::{AttachedServer, check_period};
+use super::attached_server::{AttachedServer, check_period, single};
 use super::local_device::{self, LocalDevice};
 use super::remote_board::cast;
 use super::{OpenResult, Opening};
@@ -74,9 +73,7 @@ impl Hosted for Simulated {
 
     fn attach(&mut self, others: Vec<Attached>) -> Future<'_, Result<(), HostError>> {
         Box::pin(async move {
-            let [other] = &others[..] else {
-                return Err(HostError::Several { got: others.len() });
-            };
+            let other = single(&others)?;
             let unsuitable = || HostError::Unsuitable {
                 device: other.device.clone(),
                 expected: "the joints of a WAM",
@@ -140,45 +137,10 @@ pub(super) async fn server(opening: Opening<'_>) -> OpenResult {
             return Err(parameters.refuse("measure_lists", expected).into());
         }
     };
-    Ok(Box::new(Server {
-        network: opening.network.clone(),
-        name: name.to_string(),
-        options: AnalogSensorsOptions::new().period(period).layout(layout),
-        ports: AttachedServer::of(parameters),
-    }))
-}
-
-struct Server {
-    network: Network,
-    name: String,
-    options: AnalogSensorsOptions,
-    ports: AttachedServer<AnalogSensorsServer>,
-}
-
-impl Hosted for Server {
-    fn attach(&mut self, others: Vec<Attached>) -> Future<'_, Result<(), HostError>> {
-        Box::pin(async move {
-            self.ports.check_free()?;
-            let [other] = &others[..] else {
-                return Err(HostError::Several { got: others.len() });
-            };
-            let sensors = sensors_of(other)?;
-            let options = self.options.clone();
-            let opening = AnalogSensorsServer::open(&self.network, sensors, &self.name, options);
-            self.ports.open(opening).await
-        })
-    }
-
-    fn detach(&mut self) -> Future<'_, Result<(), HostError>> {
-        Box::pin(async move {
-            self.ports.close().await;
-            Ok(())
-        })
-    }
-
-    fn close(mut self: Box<Self>) -> Future<'static, ()> {
-        Box::pin(async move { self.ports.close().await })
-    }
+    let options = AnalogSensorsOptions::new().period(period).layout(layout);
+    let choice = |others: &[Attached]| sensors_of(single(others)?);
+    let server = AttachedServer::<AnalogSensorsServer, _>::boxed;
+    Ok(server(opening, name.to_string(), options, choice))
 }
 
 fn sensors_of(other: &Attached) -> Result<Arc<dyn Device>, HostError> {

@@ -1,89 +1,152 @@
-//! Common part of servers that are open while they are attached.
+//! Servers whose ports are open while they are attached to a device.
 
+use std::sync::Arc;
 use std::time::Duration;
 
+use yarp_devices::Device;
+use yarp_ports::Network;
 use yarp_wire::settings::{Origin, ParameterError, Parameters};
 use yarp_wrappers::{
-    AnalogSensorServer, AnalogSensorsServer, CartesianServer, ControlBoardServer,
-    FrameGrabberServer, OpenError,
+    AnalogSensorOptions, AnalogSensorServer, AnalogSensorsOptions, AnalogSensorsServer,
+    BatteryServer, BatteryServerOptions, CartesianServer, CartesianServerOptions,
+    ControlBoardOptions, ControlBoardServer, FrameGrabberOptions, FrameGrabberServer, OpenError,
 };
 
-use crate::HostError;
+use super::Opening;
+use crate::{Attached, Future, HostError, Hosted};
 
-/// A server on ports.
-pub(super) trait Server {
+/// A server of a device on ports.
+pub(super) trait Server: Sized + Send + 'static {
+    /// Options of the server.
+    type Options: Clone + Send + Sync + 'static;
+
+    /// Opens the ports.
+    fn open(
+        network: &Network,
+        device: Arc<dyn Device>,
+        name: &str,
+        options: Self::Options,
+    ) -> impl std::future::Future<Output = Result<Self, OpenError>> + Send;
+
     /// Closes the ports.
-    fn close(self) -> impl Future<Output = ()> + Send;
+    fn close(self) -> impl std::future::Future<Output = ()> + Send;
 }
 
-impl Server for ControlBoardServer {
-    fn close(self) -> impl Future<Output = ()> + Send {
-        Self::close(self)
+macro_rules! servers {
+    ($($server:ident: $options:ident)*) => { $(
+        impl Server for $server {
+            type Options = $options;
+
+            async fn open(
+                network: &Network,
+                device: Arc<dyn Device>,
+                name: &str,
+                options: $options,
+            ) -> Result<Self, OpenError> {
+                Self::open(network, device, name, options).await
+            }
+
+            async fn close(self) {
+                Self::close(self).await;
+            }
+        }
+    )* };
+}
+
+servers! {
+    AnalogSensorServer: AnalogSensorOptions
+    AnalogSensorsServer: AnalogSensorsOptions
+    BatteryServer: BatteryServerOptions
+    CartesianServer: CartesianServerOptions
+    ControlBoardServer: ControlBoardOptions
+    FrameGrabberServer: FrameGrabberOptions
+}
+
+/// Choice of the device that a server serves; a function of the devices that it attaches to is one.
+pub(super) trait Choice: Send + 'static {
+    /// Returns the device to serve.
+    fn choose(&mut self, others: Vec<Attached>) -> Future<'_, Result<Arc<dyn Device>, HostError>>;
+}
+
+impl<F> Choice for F
+where
+    F: Fn(&[Attached]) -> Result<Arc<dyn Device>, HostError> + Send + 'static,
+{
+    fn choose(&mut self, others: Vec<Attached>) -> Future<'_, Result<Arc<dyn Device>, HostError>> {
+        let chosen = self(&others);
+        Box::pin(async move { chosen })
     }
 }
 
-impl Server for AnalogSensorServer {
-    fn close(self) -> impl Future<Output = ()> + Send {
-        Self::close(self)
+/// Returns the one device that a server attaches to.
+pub(super) fn single(others: &[Attached]) -> Result<&Attached, HostError> {
+    match others {
+        [other] => Ok(other),
+        _ => Err(HostError::Several { got: others.len() }),
     }
 }
 
-impl Server for AnalogSensorsServer {
-    fn close(self) -> impl Future<Output = ()> + Send {
-        Self::close(self)
-    }
-}
-
-impl Server for CartesianServer {
-    fn close(self) -> impl Future<Output = ()> + Send {
-        Self::close(self)
-    }
-}
-
-impl Server for FrameGrabberServer {
-    fn close(self) -> impl Future<Output = ()> + Send {
-        Self::close(self)
-    }
-}
-
-/// A server, if open, with its description for errors.
-pub(super) struct AttachedServer<S> {
+/// A server whose ports are open while it is attached.
+pub(super) struct AttachedServer<S: Server, C> {
+    network: Network,
+    name: String,
+    options: S::Options,
+    choice: C,
+    /// Origin and name of the device, for errors.
     origin: Origin,
     device: String,
     running: Option<S>,
 }
 
-impl<S: Server> AttachedServer<S> {
-    pub(super) fn of(parameters: &Parameters) -> Self {
-        Self {
-            origin: parameters.origin().clone(),
-            device: parameters.device().to_owned(),
+impl<S: Server, C: Choice> AttachedServer<S, C> {
+    /// A server that will open its ports with the prefix `name`.
+    pub(super) fn boxed(
+        opening: Opening<'_>,
+        name: String,
+        options: S::Options,
+        choice: C,
+    ) -> Box<dyn Hosted> {
+        Box::new(Self {
+            network: opening.network.clone(),
+            name,
+            options,
+            choice,
+            origin: opening.parameters.origin().clone(),
+            device: opening.parameters.device().to_owned(),
             running: None,
-        }
+        })
     }
 
-    /// Returns an error while the server is open.
-    pub(super) fn check_free(&self) -> Result<(), HostError> {
-        match self.running {
-            Some(_) => Err(HostError::Attached),
-            None => Ok(()),
-        }
-    }
-
-    pub(super) async fn open(
-        &mut self,
-        opening: impl Future<Output = Result<S, OpenError>>,
-    ) -> Result<(), HostError> {
-        let opened = opening.await;
-        let opened = opened.map_err(|source| not_opened(&self.origin, &self.device, source))?;
-        self.running = Some(opened);
-        Ok(())
-    }
-
-    pub(super) async fn close(&mut self) {
+    async fn close_ports(&mut self) {
         if let Some(running) = self.running.take() {
             running.close().await;
         }
+    }
+}
+
+impl<S: Server, C: Choice> Hosted for AttachedServer<S, C> {
+    fn attach(&mut self, others: Vec<Attached>) -> Future<'_, Result<(), HostError>> {
+        Box::pin(async move {
+            if self.running.is_some() {
+                return Err(HostError::Attached);
+            }
+            let device = self.choice.choose(others).await?;
+            let opened = S::open(&self.network, device, &self.name, self.options.clone()).await;
+            let opened = opened.map_err(|source| not_opened(&self.origin, &self.device, source))?;
+            self.running = Some(opened);
+            Ok(())
+        })
+    }
+
+    fn detach(&mut self) -> Future<'_, Result<(), HostError>> {
+        Box::pin(async move {
+            self.close_ports().await;
+            Ok(())
+        })
+    }
+
+    fn close(mut self: Box<Self>) -> Future<'static, ()> {
+        Box::pin(async move { self.close_ports().await })
     }
 }
 

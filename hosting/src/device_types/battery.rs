@@ -8,18 +8,18 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use yarp_devices::Device;
 use yarp_devices::fake::SimulatedBattery;
-use yarp_ports::Network;
 use yarp_wire::PortName;
 use yarp_wrappers::{
     BatteryLayout, BatteryServer, BatteryServerOptions, RemoteBattery, RemoteOptions,
 };
 
-use super::attached_server::{self, AttachedServer, check_period};
+use super::attached_server::{AttachedServer, check_period, single};
 use super::local_device::LocalDevice;
 use super::remote_board::cast;
 use super::{OpenResult, Opening};
-use crate::{Attached, Future, HostError, Hosted};
+use crate::{Attached, HostError};
 
 /// Parameters of stock's server that have no effect here: it never shuts a machine down.
 const IGNORED_PARAMETERS: [&str; 3] = ["enable_shutdown", "enable_log", "quitPortName"];
@@ -67,55 +67,17 @@ pub(super) async fn server(opening: Opening<'_>, layout: BatteryLayout) -> OpenR
             tracing::warn!("{device}: parameter {ignored} has no effect");
         }
     }
-    Ok(Box::new(Server {
-        network: opening.network.clone(),
-        name: name.to_string(),
-        options,
-        ports: AttachedServer::of(parameters),
-    }))
+    let server = AttachedServer::<BatteryServer, _>::boxed;
+    Ok(server(opening, name.to_string(), options, battery_of))
 }
 
-impl attached_server::Server for BatteryServer {
-    fn close(self) -> impl std::future::Future<Output = ()> + Send {
-        Self::close(self)
-    }
-}
-
-/// A server whose ports are open while it is attached.
-struct Server {
-    network: Network,
-    name: String,
-    options: BatteryServerOptions,
-    ports: AttachedServer<BatteryServer>,
-}
-
-impl Hosted for Server {
-    fn attach(&mut self, others: Vec<Attached>) -> Future<'_, Result<(), HostError>> {
-        Box::pin(async move {
-            self.ports.check_free()?;
-            let [other] = &others[..] else {
-                return Err(HostError::Several { got: others.len() });
-            };
-            let battery = other.parts.other.clone();
-            let battery = battery.filter(|device| device.battery().is_some());
-            let battery = battery.ok_or_else(|| HostError::Unsuitable {
-                device: other.device.clone(),
-                expected: "a battery",
-            })?;
-            let options = self.options.clone();
-            let opening = BatteryServer::open(&self.network, battery, &self.name, options);
-            self.ports.open(opening).await
-        })
-    }
-
-    fn detach(&mut self) -> Future<'_, Result<(), HostError>> {
-        Box::pin(async move {
-            self.ports.close().await;
-            Ok(())
-        })
-    }
-
-    fn close(mut self: Box<Self>) -> Future<'static, ()> {
-        Box::pin(async move { self.ports.close().await })
-    }
+/// Returns the battery that a server serves.
+fn battery_of(others: &[Attached]) -> Result<Arc<dyn Device>, HostError> {
+    let other = single(others)?;
+    let battery = other.parts.other.clone();
+    let battery = battery.filter(|device| device.battery().is_some());
+    battery.ok_or_else(|| HostError::Unsuitable {
+        device: other.device.clone(),
+        expected: "a battery",
+    })
 }

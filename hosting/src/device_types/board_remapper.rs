@@ -14,6 +14,7 @@ use yarp_devices::{AxisIndex, Device};
 use yarp_wire::PortName;
 use yarp_wire::settings::{Origin, ParameterError, Parameters};
 
+use super::local_device::LocalDevice;
 use super::{OpenResult, Opening, remote_board};
 use crate::{Attached, Future, HostError, Hosted, Parts};
 
@@ -70,7 +71,7 @@ pub(super) async fn open_remote(opening: Opening<'_>) -> OpenResult {
         }
     }
     let board = mapping.apply(others).await?;
-    Ok(Box::new(Remote(board)))
+    Ok(Box::new(LocalDevice::board(board)))
 }
 
 fn missing(parameters: &Parameters) -> ParameterError {
@@ -277,23 +278,6 @@ impl Hosted for RemappedDevice {
             release(self.board.take()).await;
             Ok(())
         })
-    }
-
-    fn close(self: Box<Self>) -> Future<'static, ()> {
-        Box::pin(release(self))
-    }
-}
-
-/// A board made of boards that other programs serve.
-struct Remote(Arc<Remapper>);
-
-impl Hosted for Remote {
-    fn parts(&self) -> Parts {
-        let board: Arc<dyn Device> = self.0.clone();
-        Parts {
-            board: Some(board),
-            ..Parts::default()
-        }
     }
 
     fn close(self: Box<Self>) -> Future<'static, ()> {

@@ -4,14 +4,13 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use yarp_devices::Device;
-use yarp_ports::Network;
 use yarp_wire::PortName;
 use yarp_wrappers::{ControlBoardOptions, ControlBoardServer};
 
-use super::attached_server::{AttachedServer, check_period};
+use super::attached_server::{AttachedServer, Choice, check_period, single};
 use super::board_remapper::Mapping;
 use super::{OpenResult, Opening};
-use crate::{Attached, Future, HostError, Hosted};
+use crate::{Attached, Future, HostError};
 
 pub(super) async fn open(opening: Opening<'_>) -> OpenResult {
     let period = opening.parameters.get::<Duration>("period")?;
@@ -42,56 +41,35 @@ fn with_period(
     if let Some(period) = period {
         options = options.period(check_period(parameters, period, expected)?);
     }
-    Ok(Box::new(Server {
-        network: opening.network.clone(),
-        name: name.to_string(),
+    let server = AttachedServer::<ControlBoardServer, _>::boxed;
+    Ok(server(
+        opening,
+        name.to_string(),
         options,
-        networks,
-        ports: AttachedServer::of(parameters),
-    }))
+        Boards { networks },
+    ))
 }
 
-/// A server whose ports are open while it is attached.
-struct Server {
-    network: Network,
-    name: String,
-    options: ControlBoardOptions,
+/// The board that a server serves: that of a single device, or of several.
+struct Boards {
     /// Selection of joints, if it combines several devices.
     networks: Option<Mapping>,
-    ports: AttachedServer<ControlBoardServer>,
 }
 
-impl Hosted for Server {
-    fn attach(&mut self, others: Vec<Attached>) -> Future<'_, Result<(), HostError>> {
+impl Choice for Boards {
+    fn choose(&mut self, others: Vec<Attached>) -> Future<'_, Result<Arc<dyn Device>, HostError>> {
         Box::pin(async move {
-            self.ports.check_free()?;
-            let board: Arc<dyn Device> = match &self.networks {
-                Some(networks) => networks.apply(others).await?,
-                None => single_board(others)?,
-            };
-            let options = self.options.clone();
-            let opening = ControlBoardServer::open(&self.network, board, &self.name, options);
-            self.ports.open(opening).await
+            match &self.networks {
+                Some(networks) => Ok(networks.apply(others).await? as Arc<dyn Device>),
+                None => single_board(&others),
+            }
         })
-    }
-
-    fn detach(&mut self) -> Future<'_, Result<(), HostError>> {
-        Box::pin(async move {
-            self.ports.close().await;
-            Ok(())
-        })
-    }
-
-    fn close(mut self: Box<Self>) -> Future<'static, ()> {
-        Box::pin(async move { self.ports.close().await })
     }
 }
 
 /// Returns the board of a single device.
-fn single_board(others: Vec<Attached>) -> Result<Arc<dyn Device>, HostError> {
-    let [other] = &others[..] else {
-        return Err(HostError::Several { got: others.len() });
-    };
+fn single_board(others: &[Attached]) -> Result<Arc<dyn Device>, HostError> {
+    let other = single(others)?;
     let board = other.parts.board.clone();
     board.ok_or_else(|| HostError::Unsuitable {
         device: other.device.clone(),

@@ -4,11 +4,11 @@
 //! Source: `FakeFrameGrabber.cpp`, `FrameGrabber_nws_yarp.cpp` and `FrameGrabber_nwc_yarp.cpp` of YARP 3.5.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Duration;
 
-use yarp_devices::Intrinsics;
 use yarp_devices::camera::{CameraOptions, Pattern, Scene, SimulatedCamera};
-use yarp_ports::Network;
+use yarp_devices::{Device, Intrinsics};
 use yarp_wire::PortName;
 use yarp_wire::settings::Parameters;
 use yarp_wrappers::frame_grabber::Capability;
@@ -20,7 +20,7 @@ use super::attached_server::{AttachedServer, check_period};
 use super::local_device::{self, LocalDevice};
 use super::remote_board::cast;
 use super::{OpenResult, Opening};
-use crate::{Attached, Future, HostError, Hosted};
+use crate::{Attached, HostError};
 
 /// Parameters of stock's simulated camera that have no effect here.
 const IGNORED_PARAMETERS: [&str; 9] = [
@@ -147,48 +147,19 @@ fn with_period(opening: Opening<'_>, period: Option<Duration>, expected: &str) -
     };
     // Every reader gets the latest image here.
     parameters.has("no_drop");
-    Ok(Box::new(Server {
-        network: opening.network.clone(),
-        name: name.map_or("/grabber".to_owned(), |name| name.to_string()),
-        options,
-        ports: AttachedServer::of(parameters),
-    }))
+    let name = name.map_or("/grabber".to_owned(), |name| name.to_string());
+    let server = AttachedServer::<FrameGrabberServer, _>::boxed;
+    Ok(server(opening, name, options, camera_of))
 }
 
-/// A camera server whose ports are open while it is attached.
-struct Server {
-    network: Network,
-    name: String,
-    options: FrameGrabberOptions,
-    ports: AttachedServer<FrameGrabberServer>,
-}
-
-impl Hosted for Server {
-    fn attach(&mut self, others: Vec<Attached>) -> Future<'_, Result<(), HostError>> {
-        Box::pin(async move {
-            self.ports.check_free()?;
-            let [other] = &others[..] else {
-                return Err(HostError::SeveralCameras { got: others.len() });
-            };
-            let camera = other.parts.camera.clone();
-            let camera = camera.ok_or_else(|| HostError::Unsuitable {
-                device: other.device.clone(),
-                expected: "a camera",
-            })?;
-            let options = self.options.clone();
-            let opening = FrameGrabberServer::open(&self.network, camera, &self.name, options);
-            self.ports.open(opening).await
-        })
-    }
-
-    fn detach(&mut self) -> Future<'_, Result<(), HostError>> {
-        Box::pin(async move {
-            self.ports.close().await;
-            Ok(())
-        })
-    }
-
-    fn close(mut self: Box<Self>) -> Future<'static, ()> {
-        Box::pin(async move { self.ports.close().await })
-    }
+/// Returns the camera that a server serves.
+fn camera_of(others: &[Attached]) -> Result<Arc<dyn Device>, HostError> {
+    let [other] = others else {
+        return Err(HostError::SeveralCameras { got: others.len() });
+    };
+    let camera = other.parts.camera.clone();
+    camera.ok_or_else(|| HostError::Unsuitable {
+        device: other.device.clone(),
+        expected: "a camera",
+    })
 }

@@ -12,18 +12,17 @@ use std::time::Duration;
 use yarp_devices::Device;
 use yarp_devices::cartesian::{CartesianController, CartesianOptions};
 use yarp_devices::wam::WamModel;
-use yarp_ports::Network;
 use yarp_wire::PortName;
 use yarp_wire::settings::{Origin, ParameterError};
 use yarp_wrappers::{
     CartesianServer, CartesianServerOptions, RemoteCartesianControl, RemoteCartesianOptions,
 };
 
-use super::attached_server::AttachedServer;
+use super::attached_server::{AttachedServer, Choice, single};
 use super::local_device::LocalDevice;
 use super::remote_board::cast;
 use super::{OpenResult, Opening};
-use crate::{Attached, Future, HostError, Hosted};
+use crate::{Attached, Future, HostError};
 
 /// Parameters of stock's server that have no effect here.
 const IGNORED_PARAMETERS: [&str; 7] = [
@@ -100,35 +99,27 @@ pub(super) async fn server(opening: Opening<'_>) -> OpenResult {
         );
         parameters.refuse("GENERAL::KinematicPart", expected)
     });
-    Ok(Box::new(Server {
-        network: opening.network.clone(),
-        name,
-        options,
+    let choice = Tools {
         unknown_part,
         origin: parameters.origin().clone(),
         device: parameters.device().to_owned(),
-        ports: AttachedServer::of(parameters),
-    }))
+    };
+    let server = AttachedServer::<CartesianServer, _>::boxed;
+    Ok(server(opening, name, options, choice))
 }
 
-/// A server of a tool whose ports are open while it is attached.
-struct Server {
-    network: Network,
-    name: String,
-    options: CartesianServerOptions,
+/// The tool that a server serves.
+struct Tools {
     /// Error for joints whose kinematics are not built in.
     unknown_part: Option<ParameterError>,
     origin: Origin,
     device: String,
-    ports: AttachedServer<CartesianServer>,
 }
 
-impl Server {
+impl Tools {
     /// Returns the tool of the one device, or a controller of a tool on its joints.
     async fn tool(&mut self, others: Vec<Attached>) -> Result<Arc<dyn Device>, HostError> {
-        let [other] = &others[..] else {
-            return Err(HostError::Several { got: others.len() });
-        };
+        let other = single(&others)?;
         if let Some(tool) = other.parts.tool.clone() {
             return Ok(tool);
         }
@@ -156,25 +147,8 @@ impl Server {
     }
 }
 
-impl Hosted for Server {
-    fn attach(&mut self, others: Vec<Attached>) -> Future<'_, Result<(), HostError>> {
-        Box::pin(async move {
-            self.ports.check_free()?;
-            let tool = self.tool(others).await?;
-            let options = self.options.clone();
-            let opening = CartesianServer::open(&self.network, tool, &self.name, options);
-            self.ports.open(opening).await
-        })
-    }
-
-    fn detach(&mut self) -> Future<'_, Result<(), HostError>> {
-        Box::pin(async move {
-            self.ports.close().await;
-            Ok(())
-        })
-    }
-
-    fn close(mut self: Box<Self>) -> Future<'static, ()> {
-        Box::pin(async move { self.ports.close().await })
+impl Choice for Tools {
+    fn choose(&mut self, others: Vec<Attached>) -> Future<'_, Result<Arc<dyn Device>, HostError>> {
+        Box::pin(self.tool(others))
     }
 }

@@ -46,82 +46,53 @@ pub(super) struct LocalDevice {
 }
 
 impl LocalDevice {
-    /// Creates a device whose joints are parked before it is closed.
-    pub(super) fn machine(device: Arc<dyn Device>) -> Self {
-        let board = Some(device.clone());
+    /// Creates a device that offers itself as one part.
+    fn new(device: Arc<dyn Device>, part: fn(&mut Parts) -> &mut Option<Arc<dyn Device>>) -> Self {
+        let mut parts = Parts::default();
+        *part(&mut parts) = Some(device.clone());
         Self {
             device,
-            parts: Parts {
-                board,
-                ..Parts::default()
-            },
-            parks: true,
+            parts,
+            parks: false,
         }
+    }
+
+    /// Creates a device whose joints are parked before it is closed.
+    pub(super) fn machine(device: Arc<dyn Device>) -> Self {
+        Self {
+            parks: true,
+            ..Self::board(device)
+        }
+    }
+
+    /// Creates a device with joints that another program parks.
+    pub(super) fn board(device: Arc<dyn Device>) -> Self {
+        Self::new(device, |parts| &mut parts.board)
     }
 
     /// Creates a camera.
     pub(super) fn camera(device: Arc<dyn Device>) -> Self {
-        let camera = Some(device.clone());
-        Self {
-            device,
-            parts: Parts {
-                camera,
-                ..Parts::default()
-            },
-            parks: false,
-        }
+        Self::new(device, |parts| &mut parts.camera)
     }
 
     /// Creates a device of any other kind.
     pub(super) fn other(device: Arc<dyn Device>) -> Self {
-        let other = Some(device.clone());
-        Self {
-            device,
-            parts: Parts {
-                other,
-                ..Parts::default()
-            },
-            parks: false,
-        }
+        Self::new(device, |parts| &mut parts.other)
     }
 
     /// Creates sensors of several kinds.
     pub(super) fn sensors(device: Arc<dyn Device>) -> Self {
-        let sensors = Some(device.clone());
-        Self {
-            device,
-            parts: Parts {
-                sensors,
-                ..Parts::default()
-            },
-            parks: false,
-        }
+        Self::new(device, |parts| &mut parts.sensors)
     }
 
     /// Creates a sensor of several channels.
     pub(super) fn channels(device: Arc<dyn Device>) -> Self {
-        let channels = Some(device.clone());
-        Self {
-            device,
-            parts: Parts {
-                channels,
-                ..Parts::default()
-            },
-            parks: false,
-        }
+        Self::new(device, |parts| &mut parts.channels)
     }
 
     /// Creates a controller of a tool.
     pub(super) fn tool(device: Arc<dyn Device>) -> Self {
-        let tool = Some(device.clone());
-        Self {
-            device,
-            parts: Parts {
-                tool,
-                ..Parts::default()
-            },
-            parks: false,
-        }
+        Self::new(device, |parts| &mut parts.tool)
     }
 }
 

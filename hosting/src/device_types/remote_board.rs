@@ -9,8 +9,9 @@ use yarp_wire::settings::Parameters;
 use yarp_wrappers::{OpenError, RemoteControlBoard, RemoteControlBoardOptions};
 
 use super::attached_server::not_opened;
+use super::local_device::LocalDevice;
 use super::{OpenResult, Opening};
-use crate::{Future, HostError, Hosted, Parts};
+use crate::HostError;
 
 /// Parameters that stock reads and that have no effect here.
 const IGNORED_PARAMETERS: [&str; 5] = [
@@ -26,7 +27,9 @@ pub(super) async fn open(opening: Opening<'_>) -> OpenResult {
     let remote: PortName = parameters.need("remote")?;
     let local: PortName = parameters.need("local")?;
     let options = options(parameters, "", remote.as_ref(), local.as_ref())?;
-    Ok(Box::new(Remote(connect(opening, options).await?)))
+    Ok(Box::new(LocalDevice::board(
+        connect(opening, options).await?,
+    )))
 }
 
 /// Reads the options of a connection to a board, from parameters with the prefix `group`.
@@ -82,23 +85,4 @@ pub(super) async fn cast<D: Device + 'static>(
     Ok(Arc::new(
         opened.map_err(|source| not_opened(origin, device, source))?,
     ))
-}
-
-struct Remote(Arc<RemoteControlBoard>);
-
-impl Hosted for Remote {
-    fn parts(&self) -> Parts {
-        let board: Arc<dyn Device> = self.0.clone();
-        Parts {
-            board: Some(board),
-            ..Parts::default()
-        }
-    }
-
-    fn close(self: Box<Self>) -> Future<'static, ()> {
-        Box::pin(async {
-            // Closing its ports blocks.
-            let _ = tokio::task::spawn_blocking(move || drop(self)).await;
-        })
-    }
 }

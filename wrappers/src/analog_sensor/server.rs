@@ -5,7 +5,6 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::time::Duration;
 
-use tokio::runtime::Handle;
 use yarp_devices::{Device, SensorReading, SensorStatus};
 use yarp_ports::{Answer, Network, Port, PortOptions, Received};
 use yarp_wire::Stamp;
@@ -13,14 +12,13 @@ use yarp_wire::float_vector::Vector;
 
 use super::requests;
 use crate::OpenError;
-use crate::open_ports::{close_all, open, request_port};
+use crate::device_ports::{ServedPort, ServedPorts};
+use crate::open_ports::{port_name, request_port};
 use crate::page_request::request_of;
 use crate::periodic_thread::{PeriodicThread, check_period};
 
 /// Default interval between messages, as stock.
 const DEFAULT_PERIOD: Duration = Duration::from_millis(20);
-/// Timeout of the end of publishing.
-const CLOSE_TIMEOUT: Duration = Duration::from_secs(1);
 /// Maximum number of messages in a reader's queue.
 const MAX_BACKLOG: usize = 4;
 
@@ -65,19 +63,11 @@ impl AnalogSensorOptions {
 /// * `NAME`, or `NAME/PART` for each part, sends the channels as a vector every period; the envelope has the time of the
 ///   measurement. While the sensor is in another state than [`SensorStatus::Ok`], nothing is sent.
 /// * `.../rpc:i` calibrates. Any client that can connect can do that.
+///
+/// Dropping it closes the ports in the background.
 #[derive(Debug)]
 pub struct AnalogSensorServer {
-    name: String,
-    running: Option<Running>,
-    /// Runtime of the ports, for closing them from anywhere.
-    runtime: Handle,
-}
-
-#[derive(Debug)]
-struct Running {
-    rpc: Vec<Port>,
-    streams: Vec<Arc<Port>>,
-    publisher: PeriodicThread,
+    ports: ServedPorts,
 }
 
 impl AnalogSensorServer {
@@ -101,89 +91,40 @@ impl AnalogSensorServer {
         if parts.iter().any(|(_, range)| range.end > channels) {
             return Err(OpenError::NoInterface("channels that a port is to have"));
         }
-        for (part, _) in &mut parts {
-            *part = format!("{name}/{part}");
-        }
         if parts.is_empty() {
-            parts.push((name.to_owned(), 0..channels));
+            parts.push((String::new(), 0..channels));
         }
-        let mut opened = Vec::new();
+        let mut wanted = Vec::new();
         for (part, _) in &parts {
-            let rpc = answering(device.clone(), part);
-            let wanted = [
-                (part.clone(), PortOptions::new()),
-                (format!("{part}/rpc:i"), rpc),
-            ];
-            for (port, options) in wanted {
-                match open(network, port, options.deny_modification()).await {
-                    Ok(port) => opened.push(port),
-                    Err(error) => {
-                        close_all(opened).await;
-                        return Err(error);
-                    }
-                }
-            }
+            let rpc = match part.as_str() {
+                "" => "rpc:i".to_owned(),
+                part => format!("{part}/rpc:i"),
+            };
+            let calibration = answering(device.clone(), &port_name(name, part));
+            wanted.push(ServedPort::output(part, PortOptions::new()).deny_modification());
+            wanted.push(ServedPort::input(rpc, calibration).deny_modification());
         }
-        let (mut streams, mut rpc) = (Vec::new(), Vec::new());
-        for (number, port) in opened.into_iter().enumerate() {
-            match number % 2 {
-                0 => streams.push(Arc::new(port)),
-                _ => rpc.push(port),
-            }
-        }
+        let period = options.period;
         let ranges = parts.into_iter().map(|(_, range)| range);
-        let ports = streams.iter().cloned().zip(ranges).collect();
-        match start(device, name, ports, options.period) {
-            Ok(publisher) => {
-                tracing::info!(name, channels, period = ?options.period, "sensor served");
-                let running = Running {
-                    rpc,
-                    streams,
-                    publisher,
-                };
-                Ok(Self {
-                    name: name.to_owned(),
-                    running: Some(running),
-                    runtime: Handle::current(),
-                })
-            }
-            Err(error) => {
-                let streams = streams.into_iter().filter_map(Arc::into_inner);
-                close_all(rpc.into_iter().chain(streams)).await;
-                Err(OpenError::Thread(error))
-            }
-        }
+        let start = |outputs: &[Arc<Port>]| {
+            let ports = outputs.iter().cloned().zip(ranges).collect();
+            start(device.clone(), name, ports, period)
+        };
+        let ports = ServedPorts::open(network, name, wanted, start).await?;
+        tracing::info!(name, channels, ?period, "sensor served");
+        Ok(Self { ports })
     }
 
     /// The name of the port, or the beginning of the names of all.
     pub fn name(&self) -> &str {
-        &self.name
+        self.ports.name()
     }
 
     /// Ends publishing, closes the ports and unregisters their names.
     ///
     /// Takes a few seconds at most, even if peers do not answer.
-    pub async fn close(mut self) {
-        if let Some(running) = self.running.take() {
-            running.close().await;
-        }
-    }
-}
-
-impl Drop for AnalogSensorServer {
-    /// Closes like [`close`](Self::close), in the background, as far as the runtime still runs.
-    fn drop(&mut self) {
-        if let Some(running) = self.running.take() {
-            self.runtime.spawn(running.close());
-        }
-    }
-}
-
-impl Running {
-    async fn close(self) {
-        self.publisher.end(CLOSE_TIMEOUT).await;
-        let streams = self.streams.into_iter().filter_map(Arc::into_inner);
-        close_all(self.rpc.into_iter().chain(streams)).await;
+    pub async fn close(self) {
+        self.ports.close().await;
     }
 }
 

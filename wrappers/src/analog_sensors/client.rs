@@ -5,35 +5,33 @@
 //! calls      LOCAL/rpc:i      -> REMOTE/rpc:o
 //! ```
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
+use std::sync::Arc;
+use std::time::Duration;
 
-use tokio::task::JoinSet;
 use yarp_devices::{
     AnalogSensors, Device, DeviceError, SensorInfo, SensorKind, SensorReading, SensorStatus,
 };
-use yarp_ports::{
-    Answer, Network, Port, PortError, PortOptions, Received, ReconnectingConnection, blocking,
-};
+use yarp_ports::{Network, PortError, PortOptions, Received};
 use yarp_wire::{Bottle, WireVersion};
 
 use super::measures_message::Measures;
 use super::metadata_message::{Metadata, metadata_call};
 use crate::OpenError;
-use crate::open_ports::{close_all, open_all};
-use crate::reconnect::{
-    PORT_CLOSE_TIMEOUT, RPC_CARRIER, WATCH_INTERVAL, check_exists, connect_supervised, subscribe,
+use crate::device_ports::{
+    LatestValue, Link, RemoteOptions, RemotePorts, RpcPort, SharedLink, common_setters,
+    stream_port, wait,
+};
+
+const RPC: RpcPort = RpcPort {
+    local: "rpc:i",
+    remote: "rpc:o",
 };
 
 /// Options of remote sensors.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct RemoteAnalogSensorsOptions {
-    remote: String,
-    local: String,
-    carrier: String,
-    max_state_age: Duration,
-    rpc_timeout: Duration,
+    common: RemoteOptions,
     external_connection: bool,
 }
 
@@ -43,31 +41,18 @@ impl RemoteAnalogSensorsOptions {
     /// Measures travel over `fast_tcp` and are trusted for 100 ms; an answer is waited for 2 s.
     pub fn new(remote: impl Into<String>, local: impl Into<String>) -> Self {
         Self {
-            remote: remote.into(),
-            local: local.into(),
-            carrier: "fast_tcp".to_owned(),
-            max_state_age: Duration::from_millis(100),
-            rpc_timeout: Duration::from_secs(2),
+            common: RemoteOptions::new(remote, local).max_state_age(Duration::from_millis(100)),
             external_connection: false,
         }
     }
 
-    /// Sets the carrier for measures (stock: `carrier`). Calls always use `tcp`.
-    pub fn carrier(mut self, carrier: impl Into<String>) -> Self {
-        self.carrier = carrier.into();
-        self
-    }
-
-    /// Sets the maximum age of measures (stock: `timeout`, 10 ms there).
-    pub fn max_state_age(mut self, age: Duration) -> Self {
-        self.max_state_age = age;
-        self
-    }
-
-    /// Sets the timeout of a reply and of each step of opening.
-    pub fn rpc_timeout(mut self, timeout: Duration) -> Self {
-        self.rpc_timeout = timeout;
-        self
+    common_setters! {
+        /// Sets the carrier for measures (stock: `carrier`). Calls always use `tcp`.
+        carrier(carrier: impl Into<String>);
+        /// Sets the maximum age of measures (stock: `timeout`, 10 ms there).
+        max_state_age(age: Duration);
+        /// Sets the timeout of a reply and of each step of opening.
+        rpc_timeout(timeout: Duration);
     }
 
     /// Connects nothing: measures come over a connection that others make, and sensors have no names (stock:
@@ -90,9 +75,9 @@ impl RemoteAnalogSensorsOptions {
 /// Dropping it closes its ports and unregisters their names; that takes a few seconds at the most.
 #[derive(Debug)]
 pub struct RemoteAnalogSensors {
-    /// Taken only on drop.
-    link: Option<Link>,
-    newest: Arc<Newest>,
+    /// Closes the ports on drop.
+    _ports: SharedLink<RemotePorts>,
+    latest: Arc<LatestValue<Measures>>,
     metadata: Option<Metadata>,
 }
 
@@ -104,35 +89,27 @@ impl RemoteAnalogSensors {
     /// * Errors: [`OpenError::NoRemote`], [`OpenError::NameTaken`], [`OpenError::Port`], [`OpenError::Connect`],
     ///   [`OpenError::Query`]; then nothing stays open.
     pub fn open(network: &Network, options: RemoteAnalogSensorsOptions) -> Result<Self, OpenError> {
+        let RemoteAnalogSensorsOptions {
+            common: options,
+            external_connection,
+        } = options;
         let network = network.with_timeout(options.rpc_timeout);
-        let newest = Arc::new(Newest::new(options.max_state_age));
-        let theirs = newest.clone();
-        let opening = async move {
-            let mut link = Link::open(&network, &options, theirs.clone()).await?;
-            match link.greet(&network, &options, theirs).await {
-                Ok(metadata) => Ok((link, metadata, options.remote)),
-                Err(error) => {
-                    link.close().await;
-                    Err(error)
-                }
-            }
-        };
-        let (link, metadata, remote) = blocking::wait(opening)?;
+        let latest = Arc::new(LatestValue::new("measures", options.max_state_age));
+        let newest = latest.clone();
+        let connects = !external_connection;
+        let opening = async move { connect(&network, &options, newest, connects).await };
+        let (ports, metadata) = wait(opening)?;
         let sensors = metadata.as_ref().map(Metadata::count);
-        tracing::info!(remote, ?sensors, "remote sensors connected");
+        tracing::info!(
+            remote = ports.remote(),
+            ?sensors,
+            "remote sensors connected"
+        );
         Ok(Self {
-            link: Some(link),
-            newest,
+            _ports: SharedLink::new(ports),
+            latest,
             metadata,
         })
-    }
-}
-
-impl Drop for RemoteAnalogSensors {
-    fn drop(&mut self) {
-        if let Some(link) = self.link.take() {
-            blocking::wait(link.close());
-        }
     }
 }
 
@@ -140,35 +117,33 @@ impl AnalogSensors for RemoteAnalogSensors {
     fn sensors(&self, kind: SensorKind) -> Vec<SensorInfo> {
         match &self.metadata {
             Some(metadata) => metadata.0[kind.index()].clone(),
-            None => {
-                let newest = self.newest.lock();
-                let count = newest.measures.readings[kind.index()].len();
+            None => self.latest.inspect(|newest, _| {
+                let count = newest.map_or(0, |newest| newest.readings[kind.index()].len());
                 vec![SensorInfo::default(); count]
-            }
+            }),
         }
     }
 
     fn read_sensors(&self, kind: SensorKind, readings: &mut Vec<SensorReading>) {
-        let newest = self.newest.lock();
-        let read = &newest.measures.readings[kind.index()];
-        let count = match &self.metadata {
-            Some(metadata) => metadata.0[kind.index()].len(),
-            None => read.len(),
-        };
-        readings.resize_with(count, SensorReading::default);
-        let status = newest.status(self.newest.max_age);
-        for (index, reading) in readings.iter_mut().enumerate() {
-            match (status, read.get(index)) {
-                (SensorStatus::Ok, Some(read)) => reading.clone_from(read),
-                (SensorStatus::Ok, None) => reading.fail(SensorStatus::Error),
-                (status, _) => {
-                    reading
-                        .values
-                        .resize(kind.size().unwrap_or_default(), f64::NAN);
-                    reading.fail(status);
+        self.latest.inspect(|newest, status| {
+            let read = newest.map_or(&[][..], |newest| &newest.readings[kind.index()]);
+            let count = match &self.metadata {
+                Some(metadata) => metadata.0[kind.index()].len(),
+                None => read.len(),
+            };
+            readings.resize_with(count, SensorReading::default);
+            for (index, reading) in readings.iter_mut().enumerate() {
+                match (status, read.get(index)) {
+                    (SensorStatus::Ok, Some(read)) => reading.clone_from(read),
+                    (SensorStatus::Ok, None) => reading.fail(SensorStatus::Error),
+                    (status, _) => {
+                        let size = kind.size().unwrap_or_default();
+                        reading.values.resize(size, f64::NAN);
+                        reading.fail(status);
+                    }
                 }
             }
-        }
+        });
     }
 }
 
@@ -176,167 +151,60 @@ impl Device for RemoteAnalogSensors {
     yarp_devices::offers! { analog_sensors: AnalogSensors }
 }
 
-/// The newest message of the stream.
-#[derive(Debug)]
-struct Newest {
-    state: Mutex<NewestState>,
-    max_age: Duration,
-    begun: Instant,
-}
-
-#[derive(Debug, Default)]
-struct NewestState {
-    measures: Measures,
-    arrived: Option<Instant>,
-}
-
-impl NewestState {
-    fn status(&self, max_age: Duration) -> SensorStatus {
-        match self.arrived {
-            None => SensorStatus::WaitingForFirstRead,
-            Some(arrived) if arrived.elapsed() > max_age => SensorStatus::Timeout,
-            Some(_) => SensorStatus::Ok,
-        }
+/// Opens the ports; if it `connects`, connects them in the order of stock and asks for the names.
+async fn connect(
+    network: &Network,
+    options: &RemoteOptions,
+    latest: Arc<LatestValue<Measures>>,
+    connects: bool,
+) -> Result<(RemotePorts, Option<Metadata>), OpenError> {
+    if connects {
+        let needed = [RPC.remote, "measures:o"];
+        options.check_remote(network, &needed).await?;
     }
-}
-
-impl Newest {
-    fn new(max_age: Duration) -> Self {
-        Self {
-            state: Mutex::default(),
-            max_age,
-            begun: Instant::now(),
-        }
+    let stored = latest.clone();
+    // A server of both wire versions sends twelve lists once, and not ten behind them.
+    let measures =
+        stream_port(move |received| take(&stored, received)).wire_version(WireVersion::V4);
+    let wanted = vec![
+        ("measures:i", measures),
+        (RPC.local, PortOptions::new().rpc_client()),
+    ];
+    let mut ports = RemotePorts::open(network, options, "server", RPC, wanted).await?;
+    if !connects {
+        return Ok((ports, None));
     }
-
-    fn lock(&self) -> MutexGuard<'_, NewestState> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Takes in a message of the stream.
-    fn take(&self, received: &Received) {
-        match received.read::<Measures>() {
-            Ok(measures) => {
-                let mut state = self.lock();
-                state.measures = measures;
-                state.arrived = Some(Instant::now());
-            }
-            Err(error) => {
-                tracing::warn!(from = %received.from, "not measures of sensors: {error}");
-            }
-        }
-    }
-
-    /// Returns whether no message has been received for so long.
-    fn is_older_than(&self, age: Duration) -> bool {
-        self.lock().arrived.unwrap_or(self.begun).elapsed() > age
-    }
-}
-
-/// The two ports.
-#[derive(Debug)]
-struct Link {
-    ports: [Port; 2],
-    rpc_peer: String,
-    rpc_timeout: Duration,
-    /// The connection for calls, made again whenever it is lost.
-    kept: Option<ReconnectingConnection>,
-    /// Asks the server for its measures again; ends with the link.
-    asking: JoinSet<()>,
-}
-
-impl Link {
-    async fn open(
-        network: &Network,
-        options: &RemoteAnalogSensorsOptions,
-        newest: Arc<Newest>,
-    ) -> Result<Self, OpenError> {
-        let rpc_peer = format!("{}/rpc:o", options.remote);
-        if !options.external_connection {
-            // Before anything of our own is opened: usually the server is just not running.
-            check_exists(network, rpc_peer.clone()).await?;
-            check_exists(network, format!("{}/measures:o", options.remote)).await?;
-        }
-        let take = move |received: &mut Received| {
-            newest.take(received);
-            Answer::Nothing
-        };
-        // A server of both wire versions sends twelve lists once, and not ten behind them.
-        let measures = PortOptions::new()
-            .handler(take)
-            .input_only()
-            .wire_version(WireVersion::V4);
-        let wanted = [
-            ("measures:i", measures),
-            ("rpc:i", PortOptions::new().rpc_client()),
-        ];
-        Ok(Self {
-            ports: open_all(network, &options.local, wanted).await?,
-            rpc_peer,
-            rpc_timeout: options.rpc_timeout,
-            kept: None,
-            asking: JoinSet::new(),
-        })
-    }
-
-    /// Connects the ports in the order of stock, and asks for the names.
-    async fn greet(
-        &mut self,
-        network: &Network,
-        options: &RemoteAnalogSensorsOptions,
-        newest: Arc<Newest>,
-    ) -> Result<Option<Metadata>, OpenError> {
-        if options.external_connection {
-            return Ok(None);
-        }
-        let [measures, rpc] = &self.ports;
-        let kept = connect_supervised(rpc, &self.rpc_peer, RPC_CARRIER, self.rpc_timeout);
-        self.kept = Some(kept.await?);
-        let silence = options.max_state_age.max(2 * WATCH_INTERVAL);
-        let are_missing = move || newest.is_older_than(silence);
-        let from = format!("{}/measures:o", options.remote);
-        subscribe(
-            network,
-            (&from, measures.name()),
-            &options.carrier,
-            &mut self.asking,
-            are_missing,
-        )
-        .await?;
-        let metadata = self.metadata().await;
+    let connected = async {
+        ports.connect_rpc().await?;
+        let age = options.max_state_age;
+        ports.subscribe("measures:o", 0, &latest, age).await?;
+        let metadata = metadata(&ports).await;
         metadata.map(Some).map_err(|source| OpenError::Query {
             question: "the names of its sensors",
             source,
         })
     }
+    .await;
+    ports.unless_failed(connected).await
+}
 
-    async fn metadata(&self) -> Result<Metadata, DeviceError> {
-        let [_, rpc] = &self.ports;
-        let call = metadata_call();
-        let calling = rpc.call_within::<Bottle>(&call, self.rpc_timeout);
-        let failed = |advice: &str, source: Option<PortError>| DeviceError::Remote {
-            peer: self.rpc_peer.clone(),
-            step: "`getMetadata`".to_owned(),
-            advice: advice.to_owned(),
-            source: source.map(Into::into),
-        };
-        let answer = calling
-            .await
-            .map_err(|error| failed("`yarp ping` of it", Some(error)))?;
-        Metadata::read(&answer)
-            .ok_or_else(|| failed("whether it is a multipleanalogsensorsserver", None))
-    }
+async fn metadata(ports: &RemotePorts) -> Result<Metadata, DeviceError> {
+    let failed = |advice: &str, source: Option<PortError>| DeviceError::Remote {
+        peer: ports.rpc_peer().to_owned(),
+        step: "`getMetadata`".to_owned(),
+        advice: advice.to_owned(),
+        source: source.map(Into::into),
+    };
+    let answer = ports.send::<Bottle>(&metadata_call()).await;
+    let answer = answer.map_err(|error| failed("`yarp ping` of it", Some(error)))?;
+    Metadata::read(&answer)
+        .ok_or_else(|| failed("whether it is a multipleanalogsensorsserver", None))
+}
 
-    /// Closes the ports; takes a few seconds at the most.
-    async fn close(mut self) {
-        self.asking.shutdown().await;
-        drop(self.kept.take());
-        let closing = close_all(self.ports);
-        if tokio::time::timeout(PORT_CLOSE_TIMEOUT, closing)
-            .await
-            .is_err()
-        {
-            tracing::warn!(remote = %self.rpc_peer, "closing took too long; names may be left behind");
-        }
+/// Takes in a message of the stream.
+fn take(latest: &LatestValue<Measures>, received: &Received) {
+    match received.read::<Measures>() {
+        Ok(measures) => latest.store(measures),
+        Err(error) => tracing::warn!(from = %received.from, "not measures of sensors: {error}"),
     }
 }

@@ -4,7 +4,6 @@ use std::io;
 use std::sync::Arc;
 use std::time::Duration;
 
-use tokio::runtime::Handle;
 use yarp_devices::clock::wall_clock;
 use yarp_devices::{AnalogSensors, Device, SensorKind, SensorStatus};
 use yarp_ports::{Answer, Network, Port, PortOptions, Reader, Received};
@@ -13,15 +12,14 @@ use yarp_wire::{Bottle, Stamp, Value, Vocab32, WireVersion};
 use super::measures_message::{MeasureLists, Measures};
 use super::metadata_message::{GET_METADATA, Metadata};
 use crate::OpenError;
-use crate::open_ports::{close_all, open_all, request_port};
+use crate::device_ports::{ServedPort, ServedPorts};
+use crate::open_ports::request_port;
 use crate::page_request::request_of;
 use crate::periodic_thread::{PeriodicThread, check_period};
 use crate::thrift::{GET_VERSION, ServiceVersion};
 
 /// Default interval between messages: 50 Hz, as stock.
 const DEFAULT_PERIOD: Duration = Duration::from_millis(20);
-/// Timeout of the end of publishing.
-const CLOSE_TIMEOUT: Duration = Duration::from_secs(1);
 /// Maximum backlog of a reader that still gets the next measures.
 const MAX_BACKLOG: Duration = Duration::from_millis(20);
 /// End of the names of the ports with which stock's clients read measures.
@@ -105,20 +103,12 @@ impl AnalogSensorsOptions {
 /// # Ok(()) }
 /// ```
 ///
+/// Dropping it closes the ports in the background.
+///
 /// Source: `MultipleAnalogSensorsServer.cpp` of YARP 3.5 and 4.0; live clients and servers of 3.5.0.
 #[derive(Debug)]
 pub struct AnalogSensorsServer {
-    name: String,
-    running: Option<Running>,
-    /// Runtime of the ports, for closing them from anywhere.
-    runtime: Handle,
-}
-
-#[derive(Debug)]
-struct Running {
-    rpc: Port,
-    stream: Arc<Port>,
-    publisher: PeriodicThread,
+    ports: ServedPorts,
 }
 
 impl AnalogSensorsServer {
@@ -141,61 +131,27 @@ impl AnalogSensorsServer {
         let metadata = Metadata::of(sensors.ok_or(OpenError::NoInterface("sensors"))?);
         let count = metadata.count();
         let wanted = [
-            ("measures:o", PortOptions::new()),
-            ("rpc:o", answering(Arc::new(metadata))),
+            ServedPort::output("measures:o", PortOptions::new()),
+            ServedPort::input("rpc:o", answering(Arc::new(metadata))),
         ];
-        let wanted = wanted.map(|(part, options)| (part, options.deny_modification()));
-        let [stream, rpc] = open_all(network, name, wanted).await?;
-        let stream = Arc::new(stream);
-        match start(device, name, stream.clone(), &options) {
-            Ok(publisher) => {
-                let period = options.period;
-                tracing::info!(name, sensors = count, ?period, "sensors served");
-                Ok(Self {
-                    name: name.to_owned(),
-                    running: Some(Running {
-                        rpc,
-                        stream,
-                        publisher,
-                    }),
-                    runtime: Handle::current(),
-                })
-            }
-            Err(error) => {
-                close_all([rpc].into_iter().chain(Arc::into_inner(stream))).await;
-                Err(OpenError::Thread(error))
-            }
-        }
+        let wanted = wanted.map(ServedPort::deny_modification).into();
+        let start = |outputs: &[Arc<Port>]| start(device, name, outputs[0].clone(), &options);
+        let ports = ServedPorts::open(network, name, wanted, start).await?;
+        let period = options.period;
+        tracing::info!(name, sensors = count, ?period, "sensors served");
+        Ok(Self { ports })
     }
 
     /// The name that the two ports have in common.
     pub fn name(&self) -> &str {
-        &self.name
+        self.ports.name()
     }
 
     /// Ends publishing, closes the two ports and unregisters their names.
     ///
     /// Takes a few seconds at most, even if peers do not answer. The device continues.
-    pub async fn close(mut self) {
-        if let Some(running) = self.running.take() {
-            running.close().await;
-        }
-    }
-}
-
-impl Drop for AnalogSensorsServer {
-    /// Closes like [`close`](Self::close), in the background, as far as the runtime still runs.
-    fn drop(&mut self) {
-        if let Some(running) = self.running.take() {
-            self.runtime.spawn(running.close());
-        }
-    }
-}
-
-impl Running {
-    async fn close(self) {
-        self.publisher.end(CLOSE_TIMEOUT).await;
-        close_all([self.rpc].into_iter().chain(Arc::into_inner(self.stream))).await;
+    pub async fn close(self) {
+        self.ports.close().await;
     }
 }
 

@@ -3,7 +3,7 @@
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use yarp_devices::DeviceError;
+use yarp_devices::{DeviceError, SensorStatus};
 
 /// The newest value received, written by a stream and read by callers.
 #[derive(Debug)]
@@ -45,7 +45,17 @@ impl<T> LatestValue<T> {
     ///
     /// Errors: [`DeviceError::NoDataYet`], [`DeviceError::Stale`].
     pub(crate) fn read<R>(&self, read: impl FnOnce(&T) -> R) -> Result<R, DeviceError> {
-        let what = self.what;
+        self.read_part(self.what, read)
+    }
+
+    /// Reads a part of the newest value in place; `what` is the name of the part in errors.
+    ///
+    /// Errors: [`DeviceError::NoDataYet`], [`DeviceError::Stale`].
+    pub(crate) fn read_part<R>(
+        &self,
+        what: &'static str,
+        read: impl FnOnce(&T) -> R,
+    ) -> Result<R, DeviceError> {
         let newest = self.newest();
         let (value, arrived) = newest.as_ref().ok_or(DeviceError::NoDataYet { what })?;
         let (age, limit) = (arrived.elapsed(), self.max_age);
@@ -53,6 +63,20 @@ impl<T> LatestValue<T> {
             return Err(DeviceError::Stale { what, age, limit });
         }
         Ok(read(value))
+    }
+
+    /// Shows `inspect` the newest value, of whatever age, and the state of a sensor whose value it is.
+    pub(crate) fn inspect<R>(&self, inspect: impl FnOnce(Option<&T>, SensorStatus) -> R) -> R {
+        match &*self.newest() {
+            None => inspect(None, SensorStatus::WaitingForFirstRead),
+            Some((value, arrived)) => {
+                let status = match arrived.elapsed() > self.max_age {
+                    true => SensorStatus::Timeout,
+                    false => SensorStatus::Ok,
+                };
+                inspect(Some(value), status)
+            }
+        }
     }
 
     fn newest(&self) -> MutexGuard<'_, Option<(T, Instant)>> {
@@ -78,5 +102,20 @@ mod tests {
         while arrived.elapsed().is_zero() {}
         assert!(matches!(value.read(|_| ()), Err(DeviceError::Stale { .. })));
         assert!(value.is_older_than(Duration::ZERO));
+    }
+
+    #[test]
+    fn a_value_too_old_is_still_shown_with_its_state() {
+        let inspect =
+            |value: &LatestValue<i32>| value.inspect(|newest, status| (newest.copied(), status));
+        let value = LatestValue::new("number", Duration::ZERO);
+        assert_eq!(inspect(&value), (None, SensorStatus::WaitingForFirstRead));
+        value.store(7);
+        let arrived = value.arrived().expect("it was stored");
+        while arrived.elapsed().is_zero() {}
+        assert_eq!(inspect(&value), (Some(7), SensorStatus::Timeout));
+        let value = LatestValue::new("number", Duration::from_secs(3600));
+        value.store(7);
+        assert_eq!(inspect(&value), (Some(7), SensorStatus::Ok));
     }
 }

@@ -2,6 +2,12 @@
 
 use std::time::Duration;
 
+use yarp_ports::Network;
+
+use crate::OpenError;
+use crate::open_ports::port_name;
+use crate::reconnect::check_exists;
+
 /// Options of a client of a device.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
@@ -44,4 +50,37 @@ impl RemoteOptions {
         self.rpc_timeout = timeout;
         self
     }
+
+    /// Returns the name of a port of the server: `REMOTE/SUFFIX`, or `REMOTE` if the suffix is empty.
+    pub(crate) fn remote_port(&self, suffix: &str) -> String {
+        port_name(&self.remote, suffix)
+    }
+
+    /// Returns an error unless the server has these ports. Called before the client opens its own: usually the server
+    /// is just not running.
+    pub(crate) async fn check_remote(
+        &self,
+        network: &Network,
+        suffixes: &[&str],
+    ) -> Result<(), OpenError> {
+        for suffix in suffixes {
+            check_exists(network, self.remote_port(suffix)).await?;
+        }
+        Ok(())
+    }
 }
+
+/// Makes setters of options that are also [`RemoteOptions`], in the field `common`.
+macro_rules! common_setters {
+    ($($(#[$doc:meta])+ $setter:ident($value:ident: $kind:ty);)+) => {
+        $(
+            $(#[$doc])+
+            pub fn $setter(mut self, $value: $kind) -> Self {
+                self.common = self.common.$setter($value);
+                self
+            }
+        )+
+    };
+}
+
+pub(crate) use common_setters;

@@ -1,188 +1,244 @@
-//! A client: its ports, connections, calls, closing.
+//! A client: its ports, their connections, calls, closing.
 
 use std::error::Error;
+use std::fmt::Display;
 use std::sync::Arc;
 use std::time::Duration;
 
 use tokio::task::JoinSet;
 use yarp_devices::DeviceError;
-use yarp_ports::{Answer, Network, Port, PortOptions, Received, ReconnectingConnection, blocking};
+use yarp_ports::{Answer, Network, Port, PortError, PortOptions, Received, ReconnectingConnection};
 use yarp_wire::Bottle;
-use yarp_wire::message::WireObject;
+use yarp_wire::message::{ReadObject, WireObject};
 
-use super::{LatestValue, RemoteOptions};
+use super::{LatestValue, Link, RemoteOptions};
 use crate::OpenError;
-use crate::open_ports::{close_all, open};
+use crate::open_ports::{close_all, open_all, port_name};
 use crate::reconnect::{
-    PORT_CLOSE_TIMEOUT, RPC_CARRIER, WATCH_INTERVAL, check_exists, connect_supervised, subscribe,
-    to_text,
+    PORT_CLOSE_TIMEOUT, RPC_CARRIER, WATCH_INTERVAL, connect_supervised, subscribe, to_text,
 };
 
-/// Queries on `LOCAL/rpc:o`, a stream on an input port, and their connections, which are made again when they are
-/// lost. Dropping it closes the ports; that takes a few seconds at most.
-#[derive(Debug)]
-pub(crate) struct RemotePorts {
-    /// Taken only on drop.
-    link: Option<Arc<Link>>,
+/// Names of a client's port for calls.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct RpcPort {
+    /// Suffix of the client's port.
+    pub(crate) local: &'static str,
+    /// Suffix of the server's port.
+    pub(crate) remote: &'static str,
 }
 
+impl RpcPort {
+    /// The names that most of stock's devices have.
+    pub(crate) const USUAL: Self = Self {
+        local: "rpc:o",
+        remote: "rpc:i",
+    };
+}
+
+/// The ports of a client and their connections, which are made again when they are lost.
+///
+/// Ports are named by their index in the order of opening.
 #[derive(Debug)]
-struct Link {
-    rpc: Port,
-    stream: Port,
-    remote: String,
-    rpc_timeout: Duration,
+pub(crate) struct RemotePorts {
+    network: Network,
+    options: RemoteOptions,
+    /// Kind of device, for errors.
+    device: &'static str,
+    ports: Vec<Port>,
+    /// Index of the port for calls.
+    rpc: usize,
+    rpc_peer: String,
     kept: Vec<ReconnectingConnection>,
-    /// Asks the server for its stream again; ends with the link.
+    /// Asks the server for its streams again; ends with the ports.
     asking: JoinSet<()>,
 }
 
 impl RemotePorts {
-    /// Opens two ports and connects them to `REMOTE/rpc:i` and from `REMOTE/STREAM`; on an error nothing stays open.
+    /// Opens ports `LOCAL/SUFFIX` (or `LOCAL`), in this order, one of them `rpc`; all of them, or none.
     ///
-    /// * `stream`: suffixes of the port of the server and of the client; `take` stores a message in `latest`.
-    /// * Blocks for a few deadlines at the most.
-    /// * Errors: [`OpenError::NoRemote`], [`OpenError::NameTaken`], [`OpenError::Port`], [`OpenError::Connect`].
-    pub(crate) fn open<T: Send + 'static>(
+    /// Errors: [`OpenError::NameTaken`], [`OpenError::Port`].
+    pub(crate) async fn open(
         network: &Network,
-        options: RemoteOptions,
-        stream: (&'static str, &'static str),
-        latest: Arc<LatestValue<T>>,
-        take: impl Fn(&Received) -> Option<T> + Send + Sync + 'static,
+        options: &RemoteOptions,
+        device: &'static str,
+        rpc: RpcPort,
+        wanted: Vec<(&'static str, PortOptions)>,
     ) -> Result<Self, OpenError> {
-        let network = network.with_timeout(options.rpc_timeout);
-        let opening = async move { Link::open(&network, &options, stream, latest, take).await };
-        let link = blocking::wait(opening)?;
+        let calls = wanted.iter().position(|(suffix, _)| *suffix == rpc.local);
+        let wanted = wanted
+            .into_iter()
+            .map(|(suffix, port)| (port_name(&options.local, suffix), port));
         Ok(Self {
-            link: Some(Arc::new(link)),
+            ports: open_all(network, wanted.collect()).await?,
+            network: network.clone(),
+            options: options.clone(),
+            device,
+            rpc: calls.expect("the port for calls is among the wanted"),
+            rpc_peer: options.remote_port(rpc.remote),
+            kept: Vec::new(),
+            asking: JoinSet::new(),
         })
     }
 
-    fn link(&self) -> &Arc<Link> {
-        self.link.as_ref().expect("taken only on drop")
+    /// Connects the port for calls.
+    pub(crate) async fn connect_rpc(&mut self) -> Result<(), OpenError> {
+        let peer = self.rpc_peer.clone();
+        self.connect_to(self.rpc, &peer, RPC_CARRIER).await
+    }
+
+    /// Connects a port to the server's port `suffix`, over the carrier of streams.
+    pub(crate) async fn connect(&mut self, port: usize, suffix: &str) -> Result<(), OpenError> {
+        let (peer, carrier) = (self.remote_port(suffix), self.options.carrier.clone());
+        self.connect_to(port, &peer, &carrier).await
+    }
+
+    async fn connect_to(
+        &mut self,
+        port: usize,
+        peer: &str,
+        carrier: &str,
+    ) -> Result<(), OpenError> {
+        let (port, timeout) = (&self.ports[port], self.options.rpc_timeout);
+        let kept = connect_supervised(port, peer, carrier, timeout).await?;
+        self.kept.push(kept);
+        Ok(())
+    }
+
+    /// Has the server's port `suffix` write to a port, and again whenever `latest` is older than `age` and than twice
+    /// the watch interval.
+    pub(crate) async fn subscribe<T: Send + 'static>(
+        &mut self,
+        suffix: &str,
+        port: usize,
+        latest: &Arc<LatestValue<T>>,
+        age: Duration,
+    ) -> Result<(), OpenError> {
+        let from = self.remote_port(suffix);
+        let ends = (from.as_str(), self.ports[port].name());
+        let (latest, age) = (latest.clone(), age.max(2 * WATCH_INTERVAL));
+        let are_missing = Box::new(move || latest.is_older_than(age));
+        let carrier = &self.options.carrier;
+        subscribe(&self.network, ends, carrier, &mut self.asking, are_missing).await
+    }
+
+    /// Returns the network, with the timeout of the client.
+    pub(crate) fn network(&self) -> &Network {
+        &self.network
+    }
+
+    /// Returns the names and timeouts.
+    pub(crate) fn options(&self) -> &RemoteOptions {
+        &self.options
     }
 
     /// Returns the name of the server, as it was given.
     pub(crate) fn remote(&self) -> &str {
-        &self.link().remote
+        &self.options.remote
     }
 
-    /// Sends a request and returns what `read` makes of the reply.
-    ///
-    /// Errors: [`DeviceError::Remote`]; also if `read` returns `None`.
-    pub(crate) fn call<T>(
+    /// Returns the name of a port of the server.
+    pub(crate) fn remote_port(&self, suffix: &str) -> String {
+        self.options.remote_port(suffix)
+    }
+
+    /// Returns the name of the port that answers calls.
+    pub(crate) fn rpc_peer(&self) -> &str {
+        &self.rpc_peer
+    }
+
+    /// Returns a port.
+    pub(crate) fn port(&self, port: usize) -> &Port {
+        &self.ports[port]
+    }
+
+    /// Returns the number of ports.
+    pub(crate) fn count(&self) -> usize {
+        self.ports.len()
+    }
+
+    /// Closes a port with the others.
+    pub(crate) fn add(&mut self, port: Port) {
+        self.ports.push(port);
+    }
+
+    /// Sends a request and waits for the reply.
+    pub(crate) async fn send<R: ReadObject>(
         &self,
-        request: impl WireObject + Send + Sync + 'static,
-        read: impl FnOnce(Bottle) -> Option<T>,
-    ) -> Result<T, DeviceError> {
-        let link = self.link().clone();
-        let peer = format!("{}/rpc:i", link.remote);
-        let asked = to_text(&request);
-        let failed =
-            |step: String, source: Option<Box<dyn Error + Send + Sync>>| DeviceError::Remote {
-                advice: format!(
-                    "`yarp ping {peer}`; when the server is back, it is connected again"
-                ),
-                peer: peer.clone(),
-                step,
-                source,
-            };
-        let calling = async move {
-            let timeout = link.rpc_timeout;
-            link.rpc.call_within::<Bottle>(&request, timeout).await
-        };
-        let reply = blocking::wait(calling)
-            .map_err(|error| failed(format!("`{asked}`"), Some(Box::new(error))))?;
-        let text = reply.to_string();
-        read(reply).ok_or_else(|| {
-            failed(
-                format!("understanding the reply `{text}` to `{asked}`"),
-                None,
-            )
-        })
+        message: &impl WireObject,
+    ) -> Result<R, PortError> {
+        let timeout = self.options.rpc_timeout;
+        self.ports[self.rpc].call_within(message, timeout).await
     }
-}
 
-impl Drop for RemotePorts {
-    fn drop(&mut self) {
-        // Calls borrow the device, so none is in progress.
-        if let Some(link) = self.link.take().and_then(Arc::into_inner) {
-            blocking::wait(link.close());
+    /// Sends a request and waits for the reply.
+    ///
+    /// Errors: [`DeviceError::Remote`].
+    pub(crate) async fn call(&self, message: &impl WireObject) -> Result<Bottle, DeviceError> {
+        let reply = self.send(message).await;
+        reply.map_err(|error| self.lost(message, error))
+    }
+
+    /// Returns the error for a request without a reply.
+    pub(crate) fn lost(&self, message: &impl WireObject, error: PortError) -> DeviceError {
+        let step = format!("`{}`", to_text(message));
+        self.unreachable(&self.rpc_peer, step, Some(Box::new(error)))
+    }
+
+    /// Returns the error for a step with a port of the server that cannot be reached.
+    pub(crate) fn unreachable(
+        &self,
+        peer: &str,
+        step: String,
+        source: Option<Box<dyn Error + Send + Sync>>,
+    ) -> DeviceError {
+        let device = self.device;
+        DeviceError::Remote {
+            peer: peer.to_owned(),
+            step,
+            advice: format!("`yarp ping {peer}`; when the {device} is back, it is connected again"),
+            source,
+        }
+    }
+
+    /// Returns the error for a request that the server refused.
+    pub(crate) fn refused(&self, said: impl Display, advice: impl Into<String>) -> DeviceError {
+        DeviceError::Refused {
+            peer: self.rpc_peer.clone(),
+            step: format!("`{said}`"),
+            advice: advice.into(),
+        }
+    }
+
+    /// Returns the error for a reply of an unexpected kind.
+    pub(crate) fn unreadable(&self, step: String, advice: impl Into<String>) -> DeviceError {
+        DeviceError::Remote {
+            peer: self.rpc_peer.clone(),
+            step,
+            advice: advice.into(),
+            source: None,
         }
     }
 }
 
-impl Link {
-    async fn open<T: Send + 'static>(
-        network: &Network,
-        options: &RemoteOptions,
-        (from, to): (&str, &str),
-        latest: Arc<LatestValue<T>>,
-        take: impl Fn(&Received) -> Option<T> + Send + Sync + 'static,
-    ) -> Result<Self, OpenError> {
-        let remote = |suffix: &str| format!("{}/{suffix}", options.remote);
-        let local = |suffix: &str| format!("{}/{suffix}", options.local);
-        for suffix in [from, "rpc:i"] {
-            check_exists(network, remote(suffix)).await?;
-        }
-        let stored = latest.clone();
-        let store = move |received: &mut Received| {
-            match take(received) {
-                Some(value) => stored.store(value),
-                None => tracing::warn!(from = %received.from, "not a message of this device"),
-            }
-            Answer::Nothing
-        };
-        let input = PortOptions::new().handler(store).input_only();
-        let stream = open(network, local(to), input).await?;
-        let rpc = match open(network, local("rpc:o"), PortOptions::new().rpc_client()).await {
-            Ok(rpc) => rpc,
-            Err(error) => {
-                close_all([stream]).await;
-                return Err(error);
-            }
-        };
-        let mut link = Self {
-            rpc,
-            stream,
-            remote: options.remote.clone(),
-            rpc_timeout: options.rpc_timeout,
-            kept: Vec::new(),
-            asking: JoinSet::new(),
-        };
-        let ends = (remote(from), remote("rpc:i"));
-        match link.connect(network, &options.carrier, ends, latest).await {
-            Ok(()) => Ok(link),
-            Err(error) => {
-                link.close().await;
-                Err(error)
-            }
-        }
-    }
-
-    async fn connect<T: Send + 'static>(
-        &mut self,
-        network: &Network,
-        carrier: &str,
-        (stream, rpc): (String, String),
-        latest: Arc<LatestValue<T>>,
-    ) -> Result<(), OpenError> {
-        let kept = connect_supervised(&self.rpc, &rpc, RPC_CARRIER, self.rpc_timeout).await?;
-        self.kept.push(kept);
-        let are_missing = move || latest.is_older_than(2 * WATCH_INTERVAL);
-        let ends = (stream.as_str(), self.stream.name());
-        subscribe(network, ends, carrier, &mut self.asking, are_missing).await
-    }
-
-    /// Closes the ports; takes a few seconds at the most.
+impl Link for RemotePorts {
     async fn close(mut self) {
         self.asking.shutdown().await;
-        let closing = close_all([self.rpc, self.stream]);
+        let closing = close_all(self.ports);
         if tokio::time::timeout(PORT_CLOSE_TIMEOUT, closing)
             .await
             .is_err()
         {
-            tracing::warn!(remote = %self.remote, "closing took too long; names may be left behind");
+            let remote = self.options.remote;
+            tracing::warn!(%remote, "closing took too long; names may be left behind");
         }
     }
+}
+
+/// Returns the options of a port that only receives a stream; `take` is called for each message.
+pub(crate) fn stream_port(take: impl Fn(&Received) + Send + Sync + 'static) -> PortOptions {
+    let handler = move |received: &mut Received| {
+        take(received);
+        Answer::Nothing
+    };
+    PortOptions::new().handler(handler).input_only()
 }

@@ -1,20 +1,30 @@
 //! The hand at the other end.
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use yarp_devices::hand::{HandError, check_move};
 use yarp_devices::{Axes, Device, DeviceError, Grasp, GraspKind, Hand};
-use yarp_ports::{Network, Port, PortError, PortOptions, ReconnectingConnection, blocking};
+use yarp_ports::{Network, PortOptions};
 use yarp_wire::Bottle;
 
+use super::RPC_PORT;
 use super::messages::{Answer, Reply, Request};
-use super::port_of;
 use crate::OpenError;
-use crate::open_ports::{close_all, open};
-use crate::reconnect::{PORT_CLOSE_TIMEOUT, RPC_CARRIER, check_exists, connect_supervised};
+use crate::device_ports::{
+    Link, RemoteOptions, RemotePorts, RpcPort, SharedLink, common_setters, wait,
+};
+use crate::reconnect::RPC_CARRIER;
 
+const RPC: RpcPort = RpcPort {
+    local: "rpc:o",
+    remote: RPC_PORT,
+};
+/// Index of the port for calls.
+const CALLS: usize = 0;
+/// Index of the port for aborts.
+const ABORTS: usize = 1;
 /// Interval between checks whether an aborted call has ended.
 const POLL_INTERVAL: Duration = Duration::from_millis(5);
 
@@ -22,9 +32,7 @@ const POLL_INTERVAL: Duration = Duration::from_millis(5);
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct RemoteHandOptions {
-    remote: String,
-    local: String,
-    rpc_timeout: Duration,
+    common: RemoteOptions,
     motion_timeout: Duration,
 }
 
@@ -34,17 +42,14 @@ impl RemoteHandOptions {
     /// 2 s for each step of opening; two minutes for a call, which may be several commands of 15 s; 35 s for an abort.
     pub fn new(remote: impl Into<String>, local: impl Into<String>) -> Self {
         Self {
-            remote: remote.into(),
-            local: local.into(),
-            rpc_timeout: Duration::from_secs(2),
+            common: RemoteOptions::new(remote, local).carrier(RPC_CARRIER),
             motion_timeout: Duration::from_secs(120),
         }
     }
 
-    /// Sets the timeout of each step of opening, and of the query whether the hand is connected.
-    pub fn rpc_timeout(mut self, rpc_timeout: Duration) -> Self {
-        self.rpc_timeout = rpc_timeout;
-        self
+    common_setters! {
+        /// Sets the timeout of each step of opening, and of the query whether the hand is connected.
+        rpc_timeout(timeout: Duration);
     }
 
     /// Sets the timeout of a call that may move the hand.
@@ -79,8 +84,7 @@ impl RemoteHandOptions {
 /// ```
 #[derive(Debug)]
 pub struct RemoteHand {
-    /// Taken only on drop.
-    link: Option<Arc<Link>>,
+    link: SharedLink<HandLink>,
     calling: Mutex<ActiveCall>,
 }
 
@@ -104,56 +108,37 @@ impl Drop for Ended<'_> {
 
 /// Two ports, connected to the one of the server.
 #[derive(Debug)]
-struct Link {
-    calls: Port,
-    aborts: Port,
-    peer: String,
-    options: RemoteHandOptions,
-    /// The connections, made again whenever they are lost.
-    kept: Vec<ReconnectingConnection>,
+struct HandLink {
+    ports: RemotePorts,
+    motion_timeout: Duration,
 }
 
-impl Link {
+impl Link for HandLink {
+    fn close(self) -> impl Future<Output = ()> + Send {
+        self.ports.close()
+    }
+}
+
+impl HandLink {
     async fn open(network: &Network, options: RemoteHandOptions) -> Result<Self, OpenError> {
-        let peer = port_of(&options.remote);
-        // Before anything of our own is opened: usually the server is just not running.
-        check_exists(network, peer.clone()).await?;
-        let local = |end: &str| format!("{}/{end}", options.local);
-        let calls = open(network, local("rpc:o"), PortOptions::new().rpc_client()).await?;
-        let aborts = match open(network, local("abort:o"), PortOptions::new().rpc_client()).await {
-            Ok(port) => port,
-            Err(error) => {
-                close_all([calls]).await;
-                return Err(error);
-            }
-        };
+        let common = &options.common;
+        common.check_remote(network, &[RPC_PORT]).await?;
+        let wanted = vec![
+            (RPC.local, PortOptions::new().rpc_client()),
+            ("abort:o", PortOptions::new().rpc_client()),
+        ];
         let mut link = Self {
-            calls,
-            aborts,
-            peer,
-            options,
-            kept: Vec::new(),
+            ports: RemotePorts::open(network, common, "hand", RPC, wanted).await?,
+            motion_timeout: options.motion_timeout,
         };
-        match link.greet().await {
-            Ok(()) => Ok(link),
-            Err(error) => {
-                link.close().await;
-                Err(error)
-            }
-        }
+        let greeted = link.greet().await;
+        link.unless_failed(greeted).await.map(|(link, ())| link)
     }
 
     async fn greet(&mut self) -> Result<(), OpenError> {
-        for port in [&self.calls, &self.aborts] {
-            let kept =
-                connect_supervised(port, &self.peer, RPC_CARRIER, self.options.rpc_timeout).await;
-            self.kept.push(kept?);
-        }
-        let asked = self.ask(
-            &self.aborts,
-            &Request::IsConnected,
-            self.options.rpc_timeout,
-        );
+        self.ports.connect_rpc().await?;
+        self.ports.connect(ABORTS, RPC_PORT).await?;
+        let asked = self.ask(ABORTS, &Request::IsConnected, self.rpc_timeout());
         match asked.await {
             Ok(_) => Ok(()),
             Err(source) => Err(OpenError::Query {
@@ -163,52 +148,34 @@ impl Link {
         }
     }
 
+    fn rpc_timeout(&self) -> Duration {
+        self.ports.options().rpc_timeout
+    }
+
     /// Sends a request, and waits for the reply.
     async fn ask(
         &self,
-        port: &Port,
+        port: usize,
         request: &Request,
-        rpc_timeout: Duration,
+        timeout: Duration,
     ) -> Result<Answer, DeviceError> {
         let message = request.to_bottle();
-        let reply = port.call_within::<Bottle>(&message, rpc_timeout).await;
-        let reply = reply.map_err(|error| self.lost(&message, error))?;
+        let asked = self
+            .ports
+            .port(port)
+            .call_within::<Bottle>(&message, timeout);
+        let reply = asked
+            .await
+            .map_err(|error| self.ports.lost(&message, error))?;
         match Reply::read(request, &reply) {
             Some(Reply::Done(answer)) => Ok(answer),
             Some(Reply::Refused(refused)) => {
-                Err(refused.into_error(&self.peer, &message.to_string()))
+                Err(refused.into_error(self.ports.rpc_peer(), &message.to_string()))
             }
-            None => Err(self.unreadable(&message, &reply)),
-        }
-    }
-
-    fn lost(&self, message: &Bottle, error: PortError) -> DeviceError {
-        let peer = &self.peer;
-        DeviceError::Remote {
-            peer: peer.clone(),
-            step: format!("`{message}`"),
-            advice: format!("`yarp ping {peer}`; when the hand is back, it is connected again"),
-            source: Some(Box::new(error)),
-        }
-    }
-
-    fn unreadable(&self, message: &Bottle, reply: &Bottle) -> DeviceError {
-        DeviceError::Remote {
-            peer: self.peer.clone(),
-            step: format!("understanding the answer `{reply}` to `{message}`"),
-            advice: "whether it is a hand".to_owned(),
-            source: None,
-        }
-    }
-
-    /// Closes the ports; takes a few seconds at the most.
-    async fn close(self) {
-        let closing = close_all([self.calls, self.aborts]);
-        if tokio::time::timeout(PORT_CLOSE_TIMEOUT, closing)
-            .await
-            .is_err()
-        {
-            tracing::warn!(peer = %self.peer, "closing took too long; names may be left behind");
+            None => Err(self.ports.unreadable(
+                format!("understanding the answer `{reply}` to `{message}`"),
+                "whether it is a hand",
+            )),
         }
     }
 }
@@ -220,22 +187,18 @@ impl RemoteHand {
     /// * Errors: [`OpenError::NoRemote`], [`OpenError::NameTaken`], [`OpenError::Port`], [`OpenError::Connect`],
     ///   [`OpenError::Query`]; then nothing stays open.
     pub fn open(network: &Network, options: RemoteHandOptions) -> Result<Self, OpenError> {
-        let network = network.with_timeout(options.rpc_timeout);
-        let link = blocking::wait(async move { Link::open(&network, options).await })?;
-        tracing::info!(peer = link.peer, "remote hand connected");
+        let network = network.with_timeout(options.common.rpc_timeout);
+        let link = wait(async move { HandLink::open(&network, options).await })?;
+        tracing::info!(peer = link.ports.rpc_peer(), "remote hand connected");
         Ok(Self {
-            link: Some(Arc::new(link)),
+            link: SharedLink::new(link),
             calling: Mutex::default(),
         })
     }
 
     /// The name of the server's port.
     pub fn peer(&self) -> &str {
-        &self.link().peer
-    }
-
-    fn link(&self) -> &Arc<Link> {
-        self.link.as_ref().expect("taken only on drop")
+        self.link.ports.rpc_peer()
     }
 
     fn calling(&self) -> MutexGuard<'_, ActiveCall> {
@@ -253,25 +216,16 @@ impl RemoteHand {
             calling.doing = Some(request.to_bottle().to_string());
         }
         let _ended = Ended(self);
-        let link = Arc::clone(self.link());
-        blocking::wait(async move {
-            let answer = link
-                .ask(&link.calls, &request, link.options.motion_timeout)
-                .await;
-            // Before anybody learns of the answer, so that dropping the hand finds itself alone.
-            drop(link);
-            answer
+        self.link.run(|link| async move {
+            let timeout = link.motion_timeout;
+            link.ask(CALLS, &request, timeout).await
         })
     }
 
     /// Sends a call that is answered at once, also during a motion.
-    fn call_beside(&self, request: Request, rpc_timeout: Duration) -> Result<Answer, DeviceError> {
-        let link = Arc::clone(self.link());
-        blocking::wait(async move {
-            let answer = link.ask(&link.aborts, &request, rpc_timeout).await;
-            drop(link);
-            answer
-        })
+    fn call_beside(&self, request: Request, timeout: Duration) -> Result<Answer, DeviceError> {
+        self.link
+            .run(|link| async move { link.ask(ABORTS, &request, timeout).await })
     }
 
     fn order(&self, request: Request) -> Result<(), DeviceError> {
@@ -282,15 +236,6 @@ impl RemoteHand {
         match self.call(request)? {
             Answer::Numbers(numbers) => Ok(numbers),
             other => unreachable!("{other:?} was read as the answer to this request"),
-        }
-    }
-}
-
-impl Drop for RemoteHand {
-    fn drop(&mut self) {
-        // Calls borrow the hand, so none is in progress.
-        if let Some(link) = self.link.take().and_then(Arc::into_inner) {
-            blocking::wait(link.close());
         }
     }
 }
@@ -329,7 +274,7 @@ impl Hand for RemoteHand {
     }
 
     fn is_connected(&self) -> bool {
-        let asked = self.call_beside(Request::IsConnected, self.link().options.rpc_timeout);
+        let asked = self.call_beside(Request::IsConnected, self.link.rpc_timeout());
         matches!(asked, Ok(Answer::Flag(true)))
     }
 

@@ -20,7 +20,10 @@ mod server;
 pub use client::{RemoteHand, RemoteHandOptions};
 pub use server::HandServer;
 
-/// The port of a hand.
+/// Suffix of the port of a hand.
+const RPC_PORT: &str = "hand/rpc:i";
+
+/// Returns the port of a hand.
 fn port_of(name: &str) -> String {
-    format!("{name}/hand/rpc:i")
+    format!("{name}/{RPC_PORT}")
 }

@@ -1,22 +1,23 @@
 //! A hand on a port.
 
 use std::collections::BTreeMap;
+use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use tokio::runtime::Handle;
 use tokio::task::spawn_blocking;
 use yarp_devices::hand::HandError;
 use yarp_devices::{Device, DeviceError, Grasp, Hand};
-use yarp_ports::{Answer as PortAnswer, Network, Port, Received};
+use yarp_ports::{Answer as PortAnswer, Network, Received};
 use yarp_wire::Bottle;
 
 use super::messages::{Answer, Refused, Reply, Request, help};
-use super::port_of;
+use super::{RPC_PORT, port_of};
 use crate::OpenError;
-use crate::open_ports::{open, request_port};
+use crate::device_ports::{PortWork, ServedPort, ServedPorts};
+use crate::open_ports::request_port;
 use crate::page_request::request_of;
 
 /// Timeout of the end of motions when the hand is stopped.
@@ -33,6 +34,8 @@ const POLL_INTERVAL: Duration = Duration::from_millis(5);
 /// * A client that vanishes leaves its motion to end by itself, as a hand's motions do; closing the server stops it.
 /// * Invalid requests are answered `[fail] malformed` with words, and move nothing.
 ///
+/// Dropping it closes the port in the background.
+///
 /// ```no_run
 /// # async fn example() -> Result<(), Box<dyn std::error::Error>> {
 /// use std::sync::Arc;
@@ -48,20 +51,7 @@ const POLL_INTERVAL: Duration = Duration::from_millis(5);
 /// ```
 #[derive(Debug)]
 pub struct HandServer {
-    running: Option<Running>,
-    /// Runtime of the port, for closing it from anywhere.
-    runtime: Handle,
-}
-
-struct Running {
-    port: Port,
-    served: Arc<ServedHand>,
-}
-
-impl std::fmt::Debug for Running {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Running").field("port", &self.port).finish()
-    }
+    ports: ServedPorts<Arc<ServedHand>>,
 }
 
 impl HandServer {
@@ -79,6 +69,7 @@ impl HandServer {
         }
         let served = Arc::new(ServedHand {
             device,
+            port: port_of(name),
             under_way: Mutex::default(),
             ending: AtomicBool::new(false),
         });
@@ -87,52 +78,49 @@ impl HandServer {
             move |received: &mut Received| served.answer(received)
         };
         let options = request_port().handler(answering).input_only();
-        let port = open(network, port_of(name), options).await?;
-        tracing::info!(port = port.name(), "hand served");
-        Ok(Self {
-            running: Some(Running { port, served }),
-            runtime: Handle::current(),
-        })
+        let wanted = vec![ServedPort::input(RPC_PORT, options)];
+        let ports = ServedPorts::open(network, name, wanted, |_| Ok(served.clone())).await?;
+        tracing::info!(port = served.port, "hand served");
+        Ok(Self { ports })
     }
 
     /// Stops motions in progress, closes the port and unregisters its name. The hand itself continues.
     ///
     /// Takes a few seconds at the most, unless the hand cannot be stopped.
-    pub async fn close(mut self) {
-        if let Some(running) = self.running.take() {
-            running.close().await;
-        }
+    pub async fn close(self) {
+        self.ports.close().await;
     }
 }
 
-impl Drop for HandServer {
-    /// Closes like [`close`](Self::close), in the background, as far as the runtime still runs.
-    fn drop(&mut self) {
-        if let Some(running) = self.running.take() {
-            self.runtime.spawn(running.close());
-        }
-    }
-}
-
-impl Running {
-    async fn close(self) {
-        let Self { port, served } = self;
-        served.ending.store(true, Ordering::Release);
-        if !served.under_way().waiting.is_empty() {
+impl PortWork for Arc<ServedHand> {
+    /// Stops motions in progress.
+    async fn end(self) {
+        self.ending.store(true, Ordering::Release);
+        if !self.under_way().waiting.is_empty() {
+            let served = Arc::clone(&self);
             let stopping = spawn_blocking(move || served.stop());
             if let Ok(Err(error)) = stopping.await {
-                tracing::warn!(port = port.name(), "{}", error.words);
+                tracing::warn!(port = self.port, "{}", error.words);
             }
         }
-        port.close().await;
     }
 }
 
 /// The hand behind the port, and its requests.
 struct ServedHand {
     device: Arc<dyn Device>,
+    /// Name of the port.
+    port: String,
     under_way: Mutex<RunningMotions>,
     ending: AtomicBool,
+}
+
+impl fmt::Debug for ServedHand {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("ServedHand")
+            .field("port", &self.port)
+            .finish_non_exhaustive()
+    }
 }
 
 /// Requests that last, from when they arrive until they are answered.

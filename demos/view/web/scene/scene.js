@@ -18,10 +18,26 @@ const COUPLING = 1 / 3;
 const TRAIL_SECONDS = 12;
 const TRAIL_STEP = 0.004;
 const MAX_TRAIL = 400;
-// Quality is lowered while frames take longer than this, and raised again while they take much less.
-const SLOW_FRAME_MS = 45;
-const FAST_FRAME_MS = 20;
-const RATIOS = [0.6, 0.8, 1, 1.5, 2];
+// Quality is lowered while frames take longer than the first, and raised again while they take less than the second.
+const SLOW_FRAME_MS = 33;
+const FAST_FRAME_MS = 18;
+// Time after a level was too slow until it is tried again.
+const RAISE_INTERVAL_MS = 20_000;
+// Number of frames whose median decides.
+const FRAMES_JUDGED = 11;
+// Resolution relative to the window's, and the size of the shadow's image (0: no shadow).
+const LEVELS = [
+  { ratio: 0.35, shadow: 0 },
+  { ratio: 0.5, shadow: 0 },
+  { ratio: 0.5, shadow: 512 },
+  { ratio: 0.75, shadow: 1024 },
+  { ratio: 1, shadow: 2048 },
+  { ratio: 1.5, shadow: 2048 },
+  { ratio: 2, shadow: 2048 },
+];
+const FIRST_LEVEL = 4;
+// The first level without a graphics card.
+const SOFTWARE_LEVEL = 1;
 
 const SURFACES = {
   shell: { roughness: 0.38, metalness: 0.1 },
@@ -47,7 +63,8 @@ export class Scene {
     this.trail = [];
     this.isDirty = true;
     this.options = { trail: true, frames: false };
-    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true });
+    const isSoftware = drawsInSoftware();
+    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: !isSoftware });
     this.renderer.shadowMap.enabled = true;
     this.renderer.shadowMap.type = THREE.PCFShadowMap;
     this.renderer.toneMapping = THREE.ACESFilmicToneMapping;
@@ -66,8 +83,9 @@ export class Scene {
     this.table = new Table(this.scene);
     this.markers = new THREE.Group();
     this.scene.add(this.markers);
-    this.ratio = RATIOS.indexOf(1);
     this.frameTimes = [];
+    this.loweredAt = -Infinity;
+    this.setLevel(isSoftware ? SOFTWARE_LEVEL : FIRST_LEVEL);
     this.theme = matchMedia("(prefers-color-scheme: dark)");
     this.theme.addEventListener("change", () => this.paint());
     this.paint();
@@ -265,7 +283,7 @@ export class Scene {
   resize() {
     const { clientWidth: width, clientHeight: height } = this.canvas;
     if (!width || !height) return;
-    this.renderer.setPixelRatio(Math.min(RATIOS[this.ratio], devicePixelRatio * 1.0001));
+    this.renderer.setPixelRatio(Math.min(LEVELS[this.level].ratio, devicePixelRatio * 1.0001));
     this.renderer.setSize(width, height, false);
     this.camera.aspect = width / height;
     // A narrow window shows as much from side to side as a square one.
@@ -287,24 +305,39 @@ export class Scene {
     return true;
   }
 
-  // Adapts the resolution to the speed of this machine.
+  // Adapts the quality to the speed of this machine.
   adapt() {
     const now = performance.now();
     if (this.last) this.frameTimes.push(now - this.last);
     this.last = now;
-    if (this.frameTimes.length < 40) return;
-    const middle = this.frameTimes.sort((a, b) => a - b)[20];
+    if (this.frameTimes.length < FRAMES_JUDGED) return;
+    const middle = this.frameTimes.sort((a, b) => a - b)[FRAMES_JUDGED >> 1];
     this.frameTimes = [];
-    const most = RATIOS.findLastIndex((ratio) => ratio <= Math.max(1, devicePixelRatio));
-    const before = this.ratio;
-    if (middle > SLOW_FRAME_MS && this.ratio > 0) this.ratio -= 1;
-    if (middle < FAST_FRAME_MS && this.ratio < most) this.ratio += 1;
-    if (this.ratio === before) return;
-    if (this.ratio === 0) {
-      this.sun.shadow.mapSize.set(1024, 1024);
-      this.sun.shadow.map?.dispose();
-      this.sun.shadow.map = null;
+    const most = LEVELS.findLastIndex(({ ratio }) => ratio <= Math.max(1, devicePixelRatio));
+    if (middle > SLOW_FRAME_MS && this.level > 0) {
+      this.loweredAt = now;
+      this.setLevel(this.level - 1);
+    } else if (middle < FAST_FRAME_MS && this.level < most && now - this.loweredAt > RAISE_INTERVAL_MS) {
+      this.setLevel(this.level + 1);
     }
+  }
+
+  setLevel(level) {
+    this.level = level;
+    const { shadow } = LEVELS[level];
+    this.sun.castShadow = shadow > 0;
+    this.sun.shadow.mapSize.set(shadow || 512, shadow || 512);
+    this.sun.shadow.map?.dispose();
+    this.sun.shadow.map = null;
     this.resize();
   }
+}
+
+// Returns true without a graphics card: then each pixel costs time.
+function drawsInSoftware() {
+  const context = document.createElement("canvas").getContext("webgl2");
+  const about = context?.getExtension("WEBGL_debug_renderer_info");
+  const name = about ? context.getParameter(about.UNMASKED_RENDERER_WEBGL) : "";
+  context?.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|softpipe|software/i.test(name);
 }

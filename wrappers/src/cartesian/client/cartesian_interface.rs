@@ -9,7 +9,6 @@ use yarp_devices::{
     AxisIndex, CartesianControl, CartesianEvent, CartesianInfo, DeviceError, Limits, PoseSolution,
     Priority, StampedPose, Target, TaskPose, TaskVelocity, TweakChange, Tweaks,
 };
-use yarp_ports::blocking;
 
 use super::RemoteCartesianControl;
 use crate::cartesian::messages::reply::Values;
@@ -24,25 +23,24 @@ pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl RemoteCartesianControl {
-    fn ask<T: Send + 'static>(
-        &self,
-        request: Request,
-        read: impl Fn(&Values) -> Option<T> + Send + 'static,
-    ) -> Result<T, DeviceError> {
-        let link = self.link().clone();
-        blocking::wait(async move {
-            let answer = link.ask(&request, read).await;
-            // Before anybody learns of the answer, so that dropping the tool finds itself alone.
-            drop(link);
-            answer
+    /// Sends a request, and waits for the reply. Not generic, so that its task is compiled once.
+    fn reply_to(&self, request: Request) -> (Request, Result<Values, DeviceError>) {
+        self.link.run(|link| async move {
+            let values = link.ask(&request).await;
+            (request, values)
         })
     }
 
-    fn get<T: Send + 'static>(
+    fn ask<T>(
         &self,
-        question: Query,
-        read: fn(&Values) -> Option<T>,
+        request: Request,
+        read: impl Fn(&Values) -> Option<T>,
     ) -> Result<T, DeviceError> {
+        let (request, values) = self.reply_to(request);
+        self.link.read(&request, &values?, read)
+    }
+
+    fn get<T>(&self, question: Query, read: fn(&Values) -> Option<T>) -> Result<T, DeviceError> {
         self.ask(Request::Get(question), read)
     }
 
@@ -55,12 +53,8 @@ impl RemoteCartesianControl {
     }
 
     fn order(&self, request: Request) -> Result<(), DeviceError> {
-        let link = self.link().clone();
-        blocking::wait(async move {
-            let sent = link.order(&request).await;
-            drop(link);
-            sent
-        })
+        self.link
+            .run(|link| async move { link.order(&request).await })
     }
 }
 
@@ -90,7 +84,7 @@ impl CartesianControl for RemoteCartesianControl {
     }
 
     fn pose(&self) -> Result<StampedPose, DeviceError> {
-        self.link().latest.pose()
+        self.link.latest.pose()
     }
 
     fn link_pose(&self, axis: AxisIndex) -> Result<StampedPose, DeviceError> {
@@ -184,7 +178,7 @@ impl CartesianControl for RemoteCartesianControl {
     fn attach_tip(&self, tip: TaskPose) -> Result<(), DeviceError> {
         self.set(Setting::Tip(tip))?;
         let put_on = Instant::now();
-        let latest = &self.link().latest;
+        let latest = &self.link.latest;
         while put_on.elapsed() < MAX_POLL_TIME
             && latest.arrived().is_none_or(|arrived| arrived <= put_on)
         {
@@ -250,6 +244,6 @@ impl CartesianControl for RemoteCartesianControl {
     }
 
     fn events(&self) -> Result<Receiver<CartesianEvent>, DeviceError> {
-        Ok(self.link().latest.listen())
+        Ok(self.link.latest.listen())
     }
 }

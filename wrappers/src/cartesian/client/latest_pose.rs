@@ -1,7 +1,7 @@
 //! The newest pose received, and the listeners of events.
 
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use yarp_devices::clock::wall_clock;
@@ -18,7 +18,7 @@ const MAX_QUEUED_EVENTS: usize = 256;
 /// Written by the streams of a server and read by callers.
 #[derive(Debug)]
 pub(super) struct LatestPose {
-    newest: LatestValue<StampedPose>,
+    pub(super) newest: Arc<LatestValue<StampedPose>>,
     listeners: Mutex<Vec<SyncSender<CartesianEvent>>>,
 }
 
@@ -30,7 +30,7 @@ impl LatestPose {
     /// No pose yet; one is trusted until it is `max_age` old.
     pub(super) fn new(max_age: Duration) -> Self {
         Self {
-            newest: LatestValue::new("pose of the tool", max_age),
+            newest: Arc::new(LatestValue::new("pose of the tool", max_age)),
             listeners: Mutex::default(),
         }
     }
@@ -62,11 +62,6 @@ impl LatestPose {
         let (sender, receiver) = sync_channel(MAX_QUEUED_EVENTS);
         lock(&self.listeners).push(sender);
         receiver
-    }
-
-    /// Returns whether no pose has been received for so long.
-    pub(super) fn is_older_than(&self, age: Duration) -> bool {
-        self.newest.is_older_than(age)
     }
 
     /// Returns the arrival time of the newest pose.

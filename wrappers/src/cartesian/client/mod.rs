@@ -13,14 +13,15 @@ mod link;
 mod options;
 
 use std::collections::BTreeSet;
-use std::sync::{Arc, Mutex};
+use std::sync::Mutex;
 
 use yarp_devices::Device;
-use yarp_ports::{Network, blocking};
+use yarp_ports::Network;
 
-use self::link::Link;
+use self::link::ToolLink;
 use super::messages::Request;
 use crate::OpenError;
+use crate::device_ports::{Link, SharedLink, wait};
 pub use options::RemoteCartesianOptions;
 
 /// The tool of an arm in another program, as iCub's `cartesiancontrollerclient` casts it.
@@ -53,8 +54,7 @@ pub use options::RemoteCartesianOptions;
 /// ```
 #[derive(Debug)]
 pub struct RemoteCartesianControl {
-    /// Taken only on drop.
-    link: Option<Arc<Link>>,
+    link: SharedLink<ToolLink>,
     /// Contexts that the server stores for this client.
     contexts: Mutex<BTreeSet<i32>>,
     checkpoints: Mutex<Vec<f64>>,
@@ -69,11 +69,11 @@ impl RemoteCartesianControl {
     /// * Errors: [`OpenError::NoRemote`], [`OpenError::NameTaken`], [`OpenError::Port`], [`OpenError::Connect`],
     ///   [`OpenError::Query`]; then nothing stays open.
     pub fn open(network: &Network, options: RemoteCartesianOptions) -> Result<Self, OpenError> {
-        let network = network.with_timeout(options.rpc_timeout);
-        let link = blocking::wait(async move { Link::open(&network, &options).await })?;
-        tracing::info!(remote = link.remote(), "remote tool connected");
+        let network = network.with_timeout(options.common.rpc_timeout);
+        let link = wait(async move { ToolLink::open(&network, &options).await })?;
+        tracing::info!(remote = link.ports.remote(), "remote tool connected");
         Ok(Self {
-            link: Some(Arc::new(link)),
+            link: SharedLink::new(link),
             contexts: Mutex::default(),
             checkpoints: Mutex::default(),
         })
@@ -81,11 +81,7 @@ impl RemoteCartesianControl {
 
     /// Returns the name of the server, as it was given.
     pub fn remote(&self) -> &str {
-        self.link().remote()
-    }
-
-    fn link(&self) -> &Arc<Link> {
-        self.link.as_ref().expect("taken only on drop")
+        self.link.ports.remote()
     }
 }
 
@@ -101,11 +97,10 @@ impl Drop for RemoteCartesianControl {
             .into_iter()
             .chain(checkpoints.into_iter().map(Request::Unregister))
             .collect();
-        // Calls borrow the tool, so none is in progress.
-        if let Some(link) = self.link.take().and_then(Arc::into_inner) {
-            blocking::wait(async move {
+        if let Some(link) = self.link.take() {
+            wait(async move {
                 for request in requests {
-                    if let Err(error) = link.ask(&request, |_| Some(())).await {
+                    if let Err(error) = link.ask(&request).await {
                         // The server is gone, and with it its contexts.
                         tracing::debug!("{error}");
                         break;

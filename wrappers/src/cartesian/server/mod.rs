@@ -11,7 +11,6 @@ mod request_handler;
 use std::sync::Arc;
 use std::time::Duration;
 
-use tokio::runtime::Handle;
 use tokio::sync::mpsc::{UnboundedReceiver, unbounded_channel};
 use tokio::task::JoinHandle;
 use yarp_devices::clock::wall_clock;
@@ -23,15 +22,14 @@ use self::request_handler::RequestHandler;
 use super::CartesianVersion;
 use super::messages::to_event;
 use crate::OpenError;
-use crate::open_ports::{close_all, open_all, request_port};
+use crate::device_ports::{PortWork, ServedPort, ServedPorts};
+use crate::open_ports::request_port;
 use crate::page_request::request_of;
 use crate::periodic_thread::{PeriodicThread, check_period};
 use crate::reconnect::PORT_CLOSE_TIMEOUT;
 
 /// Stock's default.
 const DEFAULT_PERIOD: Duration = Duration::from_millis(10);
-/// Timeout of the end of publishing.
-const CLOSE_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// Options of a Cartesian server.
 #[derive(Clone, Debug)]
@@ -79,19 +77,15 @@ impl CartesianServerOptions {
 ///   server closes.
 ///
 /// Malformed requests, and those that the controller refuses, are answered `[nack]`; the log has the reason.
+///
+/// Dropping it closes the ports in the background.
 #[derive(Debug)]
 pub struct CartesianServer {
-    name: String,
-    running: Option<Running>,
-    /// Runtime of the ports, for closing them from anywhere.
-    runtime: Handle,
+    ports: ServedPorts<Publishing>,
 }
 
 #[derive(Debug)]
-struct Running {
-    inputs: [Port; 2],
-    state: Arc<Port>,
-    events: Arc<Port>,
+struct Publishing {
     publisher: PeriodicThread,
     /// Ends when the publisher does; gives its last word.
     writer: JoinHandle<()>,
@@ -119,69 +113,43 @@ impl CartesianServer {
         let question = "what happens on its way";
         let events = handler.controller().and_then(|arm| arm.events());
         let events = events.map_err(|source| OpenError::Query { question, source })?;
-        let wanted = [
-            ("state:o", PortOptions::new().type_name("yarp/vector")),
-            ("events:o", PortOptions::new()),
-            ("command:i", obeying(&handler)),
-            ("rpc:i", answering(&handler)),
+        let wanted = vec![
+            ServedPort::output("state:o", PortOptions::new().type_name("yarp/vector")),
+            ServedPort::output("events:o", PortOptions::new()),
+            ServedPort::input("command:i", obeying(&handler)),
+            ServedPort::input("rpc:i", answering(&handler)),
         ];
-        let [state, event_port, command, rpc] = open_all(network, name, wanted).await?;
-        let inputs = [command, rpc];
-        let (state, event_port) = (Arc::new(state), Arc::new(event_port));
-        let (sender, receiver) = unbounded_channel();
-        match publisher::start(handler, state.clone(), events, sender, period) {
-            Ok(publisher) => {
-                tracing::info!(name, ?period, "controller of a tool served");
-                let writer = tokio::spawn(write_events(event_port.clone(), receiver));
-                Ok(Self {
-                    name: name.to_owned(),
-                    running: Some(Running {
-                        inputs,
-                        state,
-                        events: event_port,
-                        publisher,
-                        writer,
-                    }),
-                    runtime: Handle::current(),
-                })
-            }
-            Err(error) => {
-                let outputs = [state, event_port].into_iter().filter_map(Arc::into_inner);
-                close_all(inputs.into_iter().chain(outputs)).await;
-                Err(OpenError::Thread(error))
-            }
-        }
+        let start = |outputs: &[Arc<Port>]| {
+            let (sender, receiver) = unbounded_channel();
+            Ok(Publishing {
+                publisher: publisher::start(handler, outputs[0].clone(), events, sender, period)?,
+                writer: tokio::spawn(write_events(outputs[1].clone(), receiver)),
+            })
+        };
+        let ports = ServedPorts::open(network, name, wanted, start).await?;
+        tracing::info!(name, ?period, "controller of a tool served");
+        // New requests are rejected, then pending events are sent.
+        Ok(Self {
+            ports: ports.inputs_close_first(),
+        })
     }
 
     /// Returns the prefix of the ports' names.
     pub fn name(&self) -> &str {
-        &self.name
+        self.ports.name()
     }
 
     /// Says that it closes, closes the ports and unregisters their names.
     ///
     /// Takes a few seconds at most, even if peers do not answer. The controller continues.
-    pub async fn close(mut self) {
-        if let Some(running) = self.running.take() {
-            running.close().await;
-        }
+    pub async fn close(self) {
+        self.ports.close().await;
     }
 }
 
-impl Drop for CartesianServer {
-    /// Closes like [`close`](Self::close), in the background, as far as the runtime still runs.
-    fn drop(&mut self) {
-        if let Some(running) = self.running.take() {
-            self.runtime.spawn(running.close());
-        }
-    }
-}
-
-impl Running {
-    async fn close(self) {
-        // New requests are rejected, then pending events are sent.
-        close_all(self.inputs).await;
-        self.publisher.end(CLOSE_TIMEOUT).await;
+impl PortWork for Publishing {
+    async fn end(self) {
+        PortWork::end(self.publisher).await;
         let mut writer = self.writer;
         if tokio::time::timeout(PORT_CLOSE_TIMEOUT, &mut writer)
             .await
@@ -190,10 +158,6 @@ impl Running {
             writer.abort();
             let _ = writer.await;
         }
-        let outputs = [self.state, self.events]
-            .into_iter()
-            .filter_map(Arc::into_inner);
-        close_all(outputs).await;
     }
 }
 

@@ -127,7 +127,9 @@ impl RemoteControlBoard {
             for selection in selections {
                 let wire_version = self.wire_version();
                 if let Some(command) = Command::new(setting, &selection, values, wire_version) {
-                    return self.link().stream(command);
+                    return self
+                        .link
+                        .run(|link| async move { link.stream(&command).await });
                 }
             }
         }
@@ -164,7 +166,7 @@ impl RemoteControlBoard {
         field: impl Fn(&JointData) -> &Field<T>,
     ) -> Result<Vec<T>, DeviceError> {
         axes.check(self.axes)?;
-        self.link().latest.read(what, |data, _| {
+        self.link.latest.read_known(what, |data, _| {
             let all = field(data).of(self.axes)?;
             let chosen = axes.iter(self.axes).map(|axis| all[axis.index()].clone());
             Some(chosen.collect())

@@ -44,8 +44,8 @@ remote! {
         fn read_encoders(&self, axes: Axes<'_>, out: &mut [EncoderReading]) -> Result<(), DeviceError> {
             axes.check(self.axes)?;
             axes.check_count(self.axes, "slots for readings", out.len())?;
-            let latest = &self.link().latest;
-            latest.read("encoder reading", |data, time| {
+            let latest = &self.link.latest;
+            latest.read_known("encoder reading", |data, time| {
                 let positions = data.positions.of(self.axes)?;
                 let speeds = data.velocities.of(self.axes);
                 let accelerations = data.accelerations.of(self.axes);
@@ -68,8 +68,8 @@ remote! {
         fn read_control_modes(&self, axes: Axes<'_>, out: &mut [Mode]) -> Result<(), DeviceError> {
             axes.check(self.axes)?;
             axes.check_count(self.axes, "slots for modes", out.len())?;
-            let latest = &self.link().latest;
-            latest.read("control mode", |data, _| {
+            let latest = &self.link.latest;
+            latest.read_known("control mode", |data, _| {
                 let modes = data.control_modes.of(self.axes)?;
                 for (slot, axis) in out.iter_mut().zip(axes.iter(self.axes)) {
                     *slot = modes[axis.index()];
@@ -149,7 +149,7 @@ remote! {
         /// From the newest state; its time is the board's one time for all joints.
         fn motor_readings(&self, axes: Axes<'_>) -> Result<Vec<EncoderReading>, DeviceError> {
             axes.check(self.axes)?;
-            self.link().latest.read("motor encoder reading", |data, time| {
+            self.link.latest.read_known("motor encoder reading", |data, time| {
                 let positions = data.motor_positions.of(self.axes)?;
                 let speeds = data.motor_velocities.of(self.axes);
                 let accelerations = data.motor_accelerations.of(self.axes);

@@ -24,15 +24,15 @@ mod options;
 mod pid_interface;
 
 use std::collections::HashSet;
-use std::sync::Arc;
 
 use yarp_devices::{Device, DeviceError};
-use yarp_ports::{Network, blocking};
+use yarp_ports::Network;
 use yarp_wire::{Value, WireVersion};
 
-use self::link::{Link, Results};
+use self::link::{BoardLink, Results};
 use super::OpenError;
 use super::messages::{Get, Request, Set};
+use crate::device_ports::{SharedLink, wait};
 pub use motion_completion::RemoteMotion;
 pub use options::RemoteControlBoardOptions;
 
@@ -75,8 +75,7 @@ pub use options::RemoteControlBoardOptions;
 /// 4.0.0.
 #[derive(Debug)]
 pub struct RemoteControlBoard {
-    /// Taken only on drop.
-    link: Option<Arc<Link>>,
+    link: SharedLink<BoardLink>,
     axes: usize,
     /// The interfaces of 4.0 that the board reports.
     interfaces: Option<HashSet<String>>,
@@ -91,13 +90,13 @@ impl RemoteControlBoard {
     /// * Errors: [`OpenError::NoRemote`], [`OpenError::NameTaken`], [`OpenError::Port`], [`OpenError::Connect`],
     ///   [`OpenError::ProtocolVersion`], [`OpenError::Query`], [`OpenError::NoAxes`]; then nothing stays open.
     pub fn open(network: &Network, options: RemoteControlBoardOptions) -> Result<Self, OpenError> {
-        let network = network.with_timeout(options.rpc_timeout);
-        let opening = async move { Link::open(&network, &options).await };
-        let (link, about) = blocking::wait(opening)?;
-        let (remote, wire_version, axes) = (link.remote(), link.wire_version, about.axes);
+        let network = network.with_timeout(options.common.rpc_timeout);
+        let opening = async move { BoardLink::open(&network, &options).await };
+        let (link, about) = wait(opening)?;
+        let (remote, wire_version, axes) = (link.ports.remote(), link.wire_version, about.axes);
         tracing::info!(remote, %wire_version, axes, "remote control board connected");
         Ok(Self {
-            link: Some(Arc::new(link)),
+            link: SharedLink::new(link),
             axes,
             interfaces: about.interfaces,
         })
@@ -105,16 +104,12 @@ impl RemoteControlBoard {
 
     /// Returns the name of the board, as it was given.
     pub fn remote(&self) -> &str {
-        self.link().remote()
+        self.link.ports.remote()
     }
 
     /// The wire version of YARP that is spoken with the board.
     pub fn wire_version(&self) -> WireVersion {
-        self.link().wire_version
-    }
-
-    fn link(&self) -> &Arc<Link> {
-        self.link.as_ref().expect("taken only on drop")
+        self.link.wire_version
     }
 
     /// Returns whether the board has the interface that 4.0 calls `name`; true for a board of 3.x, which does not
@@ -125,22 +120,27 @@ impl RemoteControlBoard {
             .is_none_or(|there| there.contains(name))
     }
 
+    fn call(&self, request: Request) -> Result<Results, DeviceError> {
+        self.link
+            .run(|link| async move { link.exchange(&request).await })
+    }
+
     fn ask(&self, get: Get) -> Result<Answered<'_>, DeviceError> {
-        let results = self.link().call(Request::Get(get))?;
+        let results = self.call(Request::Get(get))?;
         Ok(Answered {
-            link: self.link(),
+            link: &self.link,
             results,
         })
     }
 
     fn order(&self, set: Set) -> Result<(), DeviceError> {
-        self.link().call(Request::Set(set)).map(drop)
+        self.call(Request::Set(set)).map(drop)
     }
 }
 
 /// The results of a query, with the context for an error if they are invalid.
 struct Answered<'a> {
-    link: &'a Link,
+    link: &'a BoardLink,
     results: Results,
 }
 
@@ -148,15 +148,6 @@ impl Answered<'_> {
     /// Reads the results; those of another kind than expected are an error.
     fn read<T>(self, read: impl FnOnce(&[Value]) -> Option<T>) -> Result<T, DeviceError> {
         read(&self.results.values).ok_or_else(|| self.link.unreadable(&self.results))
-    }
-}
-
-impl Drop for RemoteControlBoard {
-    fn drop(&mut self) {
-        // Calls borrow the board, so none is in progress.
-        if let Some(link) = self.link.take().and_then(Arc::into_inner) {
-            blocking::wait(link.close());
-        }
     }
 }
 

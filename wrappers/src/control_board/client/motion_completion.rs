@@ -9,15 +9,15 @@ use tokio::sync::Notify;
 use tokio::task::JoinSet;
 use tokio::time::{Instant, timeout_at};
 use yarp_devices::{Axes, DeviceError};
-use yarp_ports::{Answer, Network, Port, PortOptions, Received, blocking};
-use yarp_wire::Bottle;
+use yarp_ports::{Port, Received};
 
 use super::super::OpenError;
 use super::super::messages::{
     MotionEnd, MotionState, MotionUpdate, Numbered, Selection, Set, Setting,
 };
 use super::RemoteControlBoard;
-use super::link::Link;
+use super::link::{BoardLink, REFUSAL_ADVICE};
+use crate::device_ports::{RemotePorts, stream_port};
 use crate::open_ports::open;
 use crate::reconnect::{check_exists, subscribe};
 
@@ -79,33 +79,26 @@ impl CompletedMotions {
 
 impl Announcements {
     /// Opens `LOCAL/async:i` and has the board announce ends to it.
-    pub(super) async fn open(
-        network: &Network,
-        remote: &str,
-        local: &str,
-        carrier: &str,
-    ) -> Result<Self, OpenError> {
-        let from = format!("{remote}/async:o");
+    pub(super) async fn open(ports: &RemotePorts) -> Result<Self, OpenError> {
+        let (network, names) = (ports.network(), ports.options());
+        let from = names.remote_port("async:o");
         check_exists(network, from.clone()).await?;
         let ends = Arc::new(CompletedMotions::default());
         let (taker, writers) = (ends.clone(), Arc::new(AtomicUsize::new(0)));
         let counted = writers.clone();
-        let options = PortOptions::new()
-            .handler(move |received: &mut Received| {
-                taker.take(received);
-                Answer::Nothing
-            })
-            .on_connection_change(move |change| match (change.incoming, change.began) {
-                (false, _) => {}
-                (true, true) => drop(counted.fetch_add(1, Ordering::Relaxed)),
-                (true, false) => drop(counted.fetch_sub(1, Ordering::Relaxed)),
-            })
-            .input_only();
-        let port = open(network, format!("{local}/async:i"), options).await?;
+        let options =
+            stream_port(move |received| taker.take(received)).on_connection_change(move |change| {
+                match (change.incoming, change.began) {
+                    (false, _) => {}
+                    (true, true) => drop(counted.fetch_add(1, Ordering::Relaxed)),
+                    (true, false) => drop(counted.fetch_sub(1, Ordering::Relaxed)),
+                }
+            });
+        let port = open(network, format!("{}/async:i", names.local), options).await?;
         let mut asking = JoinSet::new();
-        let are_missing = move || writers.load(Ordering::Relaxed) == 0;
+        let are_missing = Box::new(move || writers.load(Ordering::Relaxed) == 0);
         let between = (from.as_str(), port.name());
-        match subscribe(network, between, carrier, &mut asking, are_missing).await {
+        match subscribe(network, between, &names.carrier, &mut asking, are_missing).await {
             Ok(()) => Ok(Self {
                 port,
                 ends,
@@ -119,7 +112,7 @@ impl Announcements {
     }
 }
 
-impl Link {
+impl BoardLink {
     /// Starts a move; gives its number.
     async fn move_numbered(&self, set: Set) -> Result<u64, DeviceError> {
         let announcements = self.announcements().await?;
@@ -127,7 +120,7 @@ impl Link {
         match news.state {
             MotionState::Moving => {}
             MotionState::Ended(MotionEnd::Failed { reason }) => {
-                return Err(self.refused(said, &format!("what it says: {reason}")));
+                return Err(self.ports.refused(said, format!("what it says: {reason}")));
             }
             MotionState::Ended(end) => announcements.ends.add(news.number, end),
             MotionState::Unknown => return Err(self.senseless(said, &news)),
@@ -173,18 +166,17 @@ impl Link {
         let message = wanted
             .to_bottle()
             .ok_or_else(|| crate::reconnect::unsupported_request(wanted))?;
-        let reply = self.send::<Bottle>(&message).await;
-        let reply = reply.map_err(|error| self.lost(&message, error))?;
+        let reply = self.ports.call(&message).await?;
         let said = message.to_string();
         match MotionUpdate::from_bottle(&reply) {
             Some(news) => Ok((news, said)),
-            None => Err(self.refused(said, "the log of the control board, which has the reason")),
+            None => Err(self.ports.refused(said, REFUSAL_ADVICE)),
         }
     }
 
     fn remote_error(&self, step: String, advice: &str) -> DeviceError {
         DeviceError::Remote {
-            peer: self.remote().to_owned(),
+            peer: self.ports.remote().to_owned(),
             step,
             advice: advice.to_owned(),
             source: None,
@@ -228,18 +220,13 @@ impl RemoteMotion<'_> {
     /// Errors: [`DeviceError::Remote`] when the timeout has passed, or when the board does not know the number: it
     /// was restarted, and the end of the move is unknown.
     pub fn wait(&self, deadline: Duration) -> Result<MotionEnd, DeviceError> {
-        let (link, number) = (self.board.link().clone(), self.number);
-        blocking::wait(async move {
-            let end = link.end_of(number, deadline).await;
-            // Before anybody learns of it, so that dropping the board finds itself alone.
-            drop(link);
-            end
-        })
+        let (link, number) = (&self.board.link, self.number);
+        link.run(|link| async move { link.end_of(number, deadline).await })
     }
 
     /// Waits like [`wait`](Self::wait), for async code on a tokio runtime. Cancelling is safe.
     pub async fn ended(&self, deadline: Duration) -> Result<MotionEnd, DeviceError> {
-        self.board.link().end_of(self.number, deadline).await
+        self.board.link.end_of(self.number, deadline).await
     }
 }
 
@@ -278,12 +265,10 @@ impl RemoteControlBoard {
         axes.check_command(self.axes, what, values.len())?;
         axes.check_finite(self.axes, what, values)?;
         let set = Set::Values(setting, Selection::from(axes), values.to_vec());
-        let link = self.link().clone();
-        let number = blocking::wait(async move {
-            let number = link.move_numbered(set).await;
-            drop(link);
-            number
-        })?;
+        let moving = self
+            .link
+            .run(|link| async move { link.move_numbered(set).await });
+        let number = moving?;
         Ok(RemoteMotion {
             board: self,
             number,

@@ -28,7 +28,6 @@ use std::sync::atomic::Ordering;
 use std::thread;
 use std::time::Duration;
 
-use tokio::runtime::Handle;
 use tokio::sync::{mpsc, oneshot};
 use tokio::task::JoinHandle;
 use yarp_devices::Device;
@@ -38,14 +37,13 @@ use yarp_wire::WireVersion;
 use self::request_handler::RequestHandler;
 use super::OpenError;
 use super::messages::{Command, MotionUpdate, Numbered};
-use crate::open_ports::{close_all, open_all, request_port};
+use crate::device_ports::{PUBLISHER_END_TIMEOUT, PortWork, ServedPort, ServedPorts};
+use crate::open_ports::request_port;
 use crate::page_request::request_of;
 use crate::periodic_thread::{PeriodicThread, check_period};
 
 /// Default interval between published states: 50 Hz, as stock.
 const DEFAULT_PERIOD: Duration = Duration::from_millis(20);
-/// Timeout of the end of publishing, and of other work on the device.
-const CLOSE_TIMEOUT: Duration = Duration::from_secs(1);
 /// Timeout of queueing an announcement for a slow reader.
 const ANNOUNCE_TIMEOUT: Duration = Duration::from_secs(1);
 
@@ -114,21 +112,19 @@ impl ControlBoardOptions {
 /// # Ok(()) }
 /// ```
 ///
+/// Dropping it closes the ports in the background.
+///
 /// Source: `ControlBoard_nws_yarp.cpp` and `RPCMessagesParser.cpp` of YARP 3.12, `ControlBoardServerImpl.cpp` of 4.0;
 /// answers of 3.5.0 and 4.0.0, recorded traffic of 3.12.3 and 4.0.0.
 #[derive(Debug)]
 pub struct ControlBoardServer {
-    name: String,
-    running: Option<Running>,
-    /// Runtime of the ports, for closing them from anywhere.
-    runtime: Handle,
+    ports: ServedPorts<BoardWork>,
 }
 
+/// Threads and tasks that use the device beside the ports.
 #[derive(Debug)]
-struct Running {
+struct BoardWork {
     board: Arc<RequestHandler>,
-    inputs: [Port; 3],
-    outputs: [Arc<Port>; 3],
     publisher: PeriodicThread,
     workers: [oneshot::Receiver<()>; 2],
     announcer: JoinHandle<()>,
@@ -154,110 +150,82 @@ impl ControlBoardServer {
         let (board, announced) = RequestHandler::new(device, name).ok_or(OpenError::NoAxes)?;
         let board = Arc::new(board);
         let wanted = [
-            ("rpc:i", answering(board.clone())),
-            ("nws/rpc:i", answering_calls(board.clone())),
-            ("command:i", obeying(board.clone())),
-            ("state:o", PortOptions::new()),
-            ("stateExt:o", PortOptions::new()),
-            ("async:o", announcing(board.clone())),
+            ServedPort::input("rpc:i", answering(board.clone())),
+            ServedPort::input("nws/rpc:i", answering_calls(board.clone())),
+            ServedPort::input("command:i", obeying(board.clone())),
+            ServedPort::output("state:o", PortOptions::new()),
+            ServedPort::output("stateExt:o", PortOptions::new()),
+            ServedPort::output("async:o", announcing(board.clone())),
         ];
         // No request shall make the arm deaf.
-        let wanted = wanted.map(|(part, options)| (part, options.deny_modification()));
-        let [rpc, calls, command, state, extended, ends] = open_all(network, name, wanted).await?;
-        let outputs = [state, extended, ends].map(Arc::new);
+        let wanted = wanted.map(ServedPort::deny_modification).into();
         let axes = board.axes();
-        let threads = start_threads(&board, &outputs, period);
-        let (workers, publisher) = match threads {
-            Ok(threads) => threads,
-            Err(error) => {
-                board.end();
-                close_all([rpc, calls, command].into_iter().chain(owned(outputs))).await;
-                return Err(OpenError::Thread(error));
-            }
+        let start = |outputs: &[Arc<Port>]| {
+            BoardWork::start(&board, outputs, period, announced).inspect_err(|_| board.end())
         };
-        let announcer = tokio::spawn(announce(announced, outputs[2].clone()));
-        let running = Running {
-            board,
-            inputs: [rpc, calls, command],
-            outputs,
-            publisher,
-            workers,
-            announcer,
-        };
+        let ports = ServedPorts::open(network, name, wanted, start).await?;
         tracing::info!(name, axes, ?period, "control board served");
-        Ok(Self {
-            name: name.to_owned(),
-            running: Some(running),
-            runtime: Handle::current(),
-        })
+        Ok(Self { ports })
     }
 
     /// The name that the six ports have in common.
     pub fn name(&self) -> &str {
-        &self.name
+        self.ports.name()
     }
 
     /// Ends publishing, closes the six ports and unregisters their names.
     ///
     /// Takes a few seconds at most, even if peers do not answer. The device keeps its state: a joint that moves
     /// continues.
-    pub async fn close(mut self) {
-        if let Some(running) = self.running.take() {
-            running.close().await;
-        }
+    pub async fn close(self) {
+        self.ports.close().await;
     }
 }
 
-impl Drop for ControlBoardServer {
-    /// Closes like [`close`](Self::close), in the background, as far as the runtime still runs.
-    fn drop(&mut self) {
-        if let Some(running) = self.running.take() {
-            self.runtime.spawn(running.close());
-        }
+impl BoardWork {
+    /// Starts queued commands, polling of motions, publishing and announcing on `[state, extended, ends]`.
+    fn start(
+        board: &Arc<RequestHandler>,
+        outputs: &[Arc<Port>],
+        period: Duration,
+        announced: mpsc::Receiver<MotionUpdate>,
+    ) -> io::Result<Self> {
+        let workers = [
+            start(
+                "control-board-orders",
+                board.clone(),
+                RequestHandler::run_queue,
+            )?,
+            start(
+                "control-board-motions",
+                board.clone(),
+                RequestHandler::watch,
+            )?,
+        ];
+        let feeds = [outputs[0].clone(), outputs[1].clone()];
+        Ok(Self {
+            board: board.clone(),
+            publisher: publisher::start(board.clone(), feeds, period)?,
+            workers,
+            announcer: tokio::spawn(announce(announced, outputs[2].clone())),
+        })
     }
 }
 
-impl Running {
-    async fn close(self) {
+impl PortWork for BoardWork {
+    async fn end(self) {
         self.board.end();
-        self.publisher.end(CLOSE_TIMEOUT).await;
+        PortWork::end(self.publisher).await;
         for ended in self.workers {
-            if tokio::time::timeout(CLOSE_TIMEOUT, ended).await.is_err() {
+            let ended = tokio::time::timeout(PUBLISHER_END_TIMEOUT, ended);
+            if ended.await.is_err() {
                 tracing::warn!("a device call is still blocking; closing without waiting for it");
             }
         }
         self.announcer.abort();
         // It holds a port; that it was aborted is what was wanted.
         let _ = self.announcer.await;
-        close_all(self.inputs.into_iter().chain(owned(self.outputs))).await;
     }
-}
-
-/// Returns the ports that are no longer shared; the others close when they are dropped.
-fn owned(ports: [Arc<Port>; 3]) -> impl Iterator<Item = Port> {
-    ports.into_iter().filter_map(Arc::into_inner)
-}
-
-/// Starts the threads that use the device beside the ports: queued commands, polling of motions, and publishing.
-fn start_threads(
-    board: &Arc<RequestHandler>,
-    [state, extended, _]: &[Arc<Port>; 3],
-    period: Duration,
-) -> io::Result<([oneshot::Receiver<()>; 2], PeriodicThread)> {
-    let workers = [
-        start(
-            "control-board-orders",
-            board.clone(),
-            RequestHandler::run_queue,
-        )?,
-        start(
-            "control-board-motions",
-            board.clone(),
-            RequestHandler::watch,
-        )?,
-    ];
-    let feeds = [state.clone(), extended.clone()];
-    Ok((workers, publisher::start(board.clone(), feeds, period)?))
 }
 
 /// A thread that works on the board; it reports its end after it released the board.

@@ -12,7 +12,7 @@ impl RemoteFrameGrabber {
     fn wire(&self, what: Firewire, values: &[u32]) -> Outcome<Answer> {
         // Numbers beyond the signed range are sent as they are: the masks are, too.
         let values = values.iter().map(|value| *value as i32).collect();
-        self.link().call(Request::Firewire(what, values))
+        self.ask(Request::Firewire(what, values))
     }
 
     fn wire_order(&self, what: Firewire, values: &[u32]) -> Outcome<()> {
@@ -26,14 +26,14 @@ impl RemoteFrameGrabber {
     fn wire_number(&self, what: Firewire, values: &[u32]) -> Outcome<u32> {
         match self.wire(what, values)? {
             Answer::Integer(number) => Ok(number as u32),
-            _ => Err(self.link().unreadable(&Bottle::new())),
+            _ => Err(self.link.unreadable(&Bottle::new())),
         }
     }
 
     fn wire_flag(&self, what: Firewire) -> Outcome<bool> {
         match self.wire(what, &[])? {
             Answer::Flag(flag) => Ok(flag),
-            _ => Err(self.link().unreadable(&Bottle::new())),
+            _ => Err(self.link.unreadable(&Bottle::new())),
         }
     }
 
@@ -42,7 +42,7 @@ impl RemoteFrameGrabber {
             Answer::Integers(numbers) => <[i32; COUNT]>::try_from(numbers).ok(),
             _ => None,
         };
-        let numbers = numbers.ok_or_else(|| self.link().unreadable(&Bottle::new()))?;
+        let numbers = numbers.ok_or_else(|| self.link.unreadable(&Bottle::new()))?;
         Ok(numbers.map(|number| number as u32))
     }
 }

@@ -15,18 +15,19 @@ macro_rules! ask {
     ($camera:expr, $request:expr, $answer:pat => $result:expr) => {
         match $camera.ask($request)? {
             $answer => Ok($result),
-            _ => Err($camera.link().unreadable(&Bottle::new())),
+            _ => Err($camera.link.unreadable(&Bottle::new())),
         }
     };
 }
 
 impl RemoteFrameGrabber {
-    fn ask(&self, request: Request) -> Result<Answer, DeviceError> {
-        self.link().call(request)
+    pub(super) fn ask(&self, request: Request) -> Result<Answer, DeviceError> {
+        self.link
+            .run(|link| async move { link.exchange(&request).await })
     }
 
     fn order(&self, request: Request) -> Result<(), DeviceError> {
-        self.link().call(request).map(drop)
+        self.ask(request).map(drop)
     }
 
     fn has(&self, ability: Ability, feature: Feature) -> Result<bool, DeviceError> {
@@ -38,7 +39,7 @@ impl RemoteFrameGrabber {
     }
 
     fn asked_image(&self, request: Request) -> Result<Frame, DeviceError> {
-        ask!(self, request, Answer::Image(image) => self.link().latest.take_asked(image))
+        ask!(self, request, Answer::Image(image) => self.link.latest.take_asked(image))
     }
 
     /// Returns whether raw images are available.
@@ -49,8 +50,8 @@ impl RemoteFrameGrabber {
 
 impl FrameGrabberImage for RemoteFrameGrabber {
     fn image_size(&self) -> Result<(usize, usize), DeviceError> {
-        if self.link().streams() {
-            let image = self.link().latest.frame()?.image;
+        if self.link.streams() {
+            let image = self.link.latest.frame()?.image;
             return Ok((image.width(), image.height()));
         }
         let width = self.side(Request::Width(Channel::Colour))?;
@@ -58,16 +59,16 @@ impl FrameGrabberImage for RemoteFrameGrabber {
     }
 
     fn image(&self) -> Result<Frame, DeviceError> {
-        if !self.link().streams() {
+        if !self.link.streams() {
             return self.asked_image(Request::Image(Channel::Colour));
         }
-        let frame = self.link().latest.frame()?;
+        let frame = self.link.latest.frame()?;
         let image = frame.image.to_rgb()?;
         Ok(Frame { image, ..frame })
     }
 
     fn image_crop(&self, crop: &Crop) -> Result<Frame, DeviceError> {
-        match self.link().streams() {
+        match self.link.streams() {
             true => self.image()?.cropped(crop),
             false => self.asked_image(Request::Crop(Channel::Colour, crop.clone())),
         }

@@ -1,38 +1,18 @@
 //! The newest image that has come.
 
-use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
-
 use yarp_devices::DeviceError;
+use yarp_devices::clock::wall_clock;
 use yarp_devices::image::{Frame, Image};
 use yarp_ports::Received;
 use yarp_wire::typed;
 
+use crate::device_ports::LatestValue;
 use crate::frame_grabber::messages::image_message;
-use yarp_devices::clock::wall_clock;
 
-/// The newest image, written by the stream and read by callers. Pixels are shared with the message they came in.
-#[derive(Debug)]
-pub(super) struct LatestImage {
-    newest: Mutex<Option<(Frame, Instant)>>,
-    max_age: Duration,
-    begun: Instant,
-}
+/// The newest image. Pixels are shared with the message they came in.
+pub(super) type LatestImage = LatestValue<Frame>;
 
 impl LatestImage {
-    /// An image is max_age until it is `max_age` old.
-    pub(super) fn new(max_age: Duration) -> Self {
-        Self {
-            newest: Mutex::default(),
-            max_age,
-            begun: Instant::now(),
-        }
-    }
-
-    fn newest(&self) -> MutexGuard<'_, Option<(Frame, Instant)>> {
-        self.newest.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Takes in a message of the stream.
     pub(super) fn take(&self, received: &Received) {
         let read = received.read::<typed::Image>().map_err(Into::into);
@@ -44,50 +24,29 @@ impl LatestImage {
             }
         };
         let stamp = received.stamp();
-        let frame = self.numbered(image, stamp.map(|stamp| (stamp.count, stamp.time)));
-        *self.newest() = Some((frame, Instant::now()));
+        self.store(self.numbered(image, stamp.map(|stamp| (stamp.count, stamp.time))));
     }
 
     /// Stores an image of a reply.
     pub(super) fn take_asked(&self, image: Image) -> Frame {
         let frame = self.numbered(image, None);
-        *self.newest() = Some((frame.clone(), Instant::now()));
+        self.store(frame.clone());
         frame
     }
 
-    /// The frame of an image: number and time of its stamp, else the next number and the present time.
+    /// Returns the frame of an image: number and time of its stamp, else the next number and the present time.
     fn numbered(&self, image: Image, stamp: Option<(i32, f64)>) -> Frame {
-        let next = self
-            .newest()
-            .as_ref()
-            .map_or(0, |(frame, _)| frame.number + 1);
         let number = stamp.and_then(|(count, _)| u64::try_from(count).ok());
+        let next = || self.inspect(|newest, _| newest.map_or(0, |frame| frame.number + 1));
         Frame {
             image,
-            number: number.unwrap_or(next),
+            number: number.unwrap_or_else(next),
             time: stamp.map_or_else(wall_clock, |(_, time)| time),
         }
     }
 
-    /// Returns whether no image has been received for so long.
-    pub(super) fn is_older_than(&self, age: Duration) -> bool {
-        let arrived = self
-            .newest()
-            .as_ref()
-            .map_or(self.begun, |(_, arrived)| *arrived);
-        arrived.elapsed() > age
-    }
-
-    /// The newest image, if it is max_age.
+    /// Returns the newest image, if it is not too old.
     pub(super) fn frame(&self) -> Result<Frame, DeviceError> {
-        let what = "image";
-        let newest = self.newest();
-        let (frame, arrived) = newest.as_ref().ok_or(DeviceError::NoDataYet { what })?;
-        let age = arrived.elapsed();
-        if age > self.max_age {
-            let limit = self.max_age;
-            return Err(DeviceError::Stale { what, age, limit });
-        }
-        Ok(frame.clone())
+        self.read(Frame::clone)
     }
 }

@@ -13,14 +13,13 @@ mod latest_image;
 mod link;
 mod options;
 
-use std::sync::Arc;
-
 use yarp_devices::Device;
-use yarp_ports::{Network, blocking};
+use yarp_ports::Network;
 use yarp_wire::WireVersion;
 
-use self::link::Link;
+use self::link::CameraLink;
 use crate::OpenError;
+use crate::device_ports::{SharedLink, wait};
 pub use options::RemoteFrameGrabberOptions;
 
 /// A camera in another program, as stock's `frameGrabber_nwc_yarp` casts it back. The client finds out the wire
@@ -58,8 +57,7 @@ pub use options::RemoteFrameGrabberOptions;
 /// Source: `FrameGrabber_nwc_yarp.cpp` of 3.5 and 4.0; recorded traffic of 3.12.3 and 4.0.0.
 #[derive(Debug)]
 pub struct RemoteFrameGrabber {
-    /// Taken only on drop.
-    link: Option<Arc<Link>>,
+    link: SharedLink<CameraLink>,
 }
 
 impl RemoteFrameGrabber {
@@ -71,36 +69,23 @@ impl RemoteFrameGrabber {
     /// * Errors: [`OpenError::NoRemote`], [`OpenError::NameTaken`], [`OpenError::Port`], [`OpenError::Connect`],
     ///   [`OpenError::ProtocolVersion`], [`OpenError::Query`]; then nothing stays open.
     pub fn open(network: &Network, options: RemoteFrameGrabberOptions) -> Result<Self, OpenError> {
-        let network = network.with_timeout(options.rpc_timeout);
-        let link = blocking::wait(async move { Link::open(&network, &options).await })?;
-        let (remote, wire_version) = (link.remote(), link.wire_version);
+        let network = network.with_timeout(options.common.rpc_timeout);
+        let link = wait(async move { CameraLink::open(&network, &options).await })?;
+        let (remote, wire_version) = (link.ports.remote(), link.wire_version);
         tracing::info!(remote, %wire_version, "remote camera connected");
         Ok(Self {
-            link: Some(Arc::new(link)),
+            link: SharedLink::new(link),
         })
     }
 
     /// Returns the name of the server, as it was given.
     pub fn remote(&self) -> &str {
-        self.link().remote()
+        self.link.ports.remote()
     }
 
     /// The wire version of YARP that is spoken with the server.
     pub fn wire_version(&self) -> WireVersion {
-        self.link().wire_version
-    }
-
-    fn link(&self) -> &Arc<Link> {
-        self.link.as_ref().expect("taken only on drop")
-    }
-}
-
-impl Drop for RemoteFrameGrabber {
-    fn drop(&mut self) {
-        // Calls borrow the camera, so none is in progress.
-        if let Some(link) = self.link.take().and_then(Arc::into_inner) {
-            blocking::wait(link.close());
-        }
+        self.link.wire_version
     }
 }
 

@@ -12,20 +12,18 @@ mod request_handler;
 use std::sync::Arc;
 use std::time::Duration;
 
-use tokio::runtime::Handle;
 use yarp_devices::Device;
 use yarp_ports::{Network, Port, PortOptions, Received};
 
 use self::request_handler::RequestHandler;
 use crate::OpenError;
-use crate::open_ports::{close_all, open, request_port};
+use crate::device_ports::{ServedPort, ServedPorts};
+use crate::open_ports::request_port;
 use crate::page_request::request_of;
-use crate::periodic_thread::{PeriodicThread, check_period};
+use crate::periodic_thread::check_period;
 
 /// Default interval between checks for a new image: 30 times a second, as stock.
 const DEFAULT_PERIOD: Duration = Duration::from_millis(33);
-/// Timeout of the end of publishing.
-const CLOSE_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// Kind of images that are streamed.
 #[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
@@ -98,20 +96,12 @@ impl FrameGrabberOptions {
 /// # Ok(()) }
 /// ```
 ///
+/// Dropping it closes the ports in the background.
+///
 /// Source: `FrameGrabber_nws_yarp.cpp` of 3.5 and 4.0; answers of 3.5.0 and 4.0.0, recorded traffic of both.
 #[derive(Debug)]
 pub struct FrameGrabberServer {
-    name: String,
-    running: Option<Running>,
-    /// Runtime of the ports, for closing them from anywhere.
-    runtime: Handle,
-}
-
-#[derive(Debug)]
-struct Running {
-    rpc: Port,
-    stream: Arc<Port>,
-    publisher: PeriodicThread,
+    ports: ServedPorts,
 }
 
 impl FrameGrabberServer {
@@ -141,69 +131,28 @@ impl FrameGrabberServer {
             _ => {}
         }
         let camera = Arc::new(RequestHandler::new(device.clone(), name));
-        let rpc = open(
-            network,
-            format!("{name}/rpc"),
-            answering(&camera).input_only(),
-        )
-        .await?;
-        let images = answering(&camera).type_name("yarp/image");
-        let stream = match open(network, name.to_owned(), images).await {
-            Ok(port) => Arc::new(port),
-            Err(error) => {
-                close_all([rpc]).await;
-                return Err(error);
-            }
+        let wanted = vec![
+            ServedPort::input("rpc", answering(&camera).input_only()),
+            ServedPort::output("", answering(&camera).type_name("yarp/image")),
+        ];
+        let start = |outputs: &[Arc<Port>]| {
+            publisher::start(device, outputs[0].clone(), capability, period)
         };
-        match publisher::start(device, stream.clone(), capability, period) {
-            Ok(publisher) => {
-                tracing::info!(name, ?period, ?capability, "camera served");
-                Ok(Self {
-                    name: name.to_owned(),
-                    running: Some(Running {
-                        rpc,
-                        stream,
-                        publisher,
-                    }),
-                    runtime: Handle::current(),
-                })
-            }
-            Err(error) => {
-                close_all([rpc].into_iter().chain(Arc::into_inner(stream))).await;
-                Err(OpenError::Thread(error))
-            }
-        }
+        let ports = ServedPorts::open(network, name, wanted, start).await?;
+        tracing::info!(name, ?period, ?capability, "camera served");
+        Ok(Self { ports })
     }
 
     /// The name of the port with the images.
     pub fn name(&self) -> &str {
-        &self.name
+        self.ports.name()
     }
 
     /// Ends publishing, closes the two ports and unregisters their names.
     ///
     /// Takes a few seconds at most, even if peers do not answer. The camera continues.
-    pub async fn close(mut self) {
-        if let Some(running) = self.running.take() {
-            running.close().await;
-        }
-    }
-}
-
-impl Drop for FrameGrabberServer {
-    /// Closes like [`close`](Self::close), in the background, as far as the runtime still runs.
-    fn drop(&mut self) {
-        if let Some(running) = self.running.take() {
-            self.runtime.spawn(running.close());
-        }
-    }
-}
-
-impl Running {
-    async fn close(self) {
-        self.publisher.end(CLOSE_TIMEOUT).await;
-        // The publisher has let its part go; if it still hangs, the port closes when it does.
-        close_all([self.rpc].into_iter().chain(Arc::into_inner(self.stream))).await;
+    pub async fn close(self) {
+        self.ports.close().await;
     }
 }
 

@@ -1,0 +1,34 @@
+//! Batteries.
+//!
+//! ```text
+//! NAME/rpc:i    [ibat] [btnf]       -> [is] [btnf] "info", or [fail]     3.5
+//!               getBatteryInfoRPC   -> (code) "info"                     from 3.12 on
+//! NAME/data:o   voltage current charge temperature status                3.5
+//!               charge voltage current temperature status                from 3.12 on
+//! ```
+//!
+//! A server answers both requests; [`BatteryLayout`] chooses the order of the numbers, which no message tells.
+//!
+//! | file | content |
+//! | --- | --- |
+//! | `layout` | the numbers of a reading in a message |
+//! | `server` | [`BatteryServer`]: a battery on two ports |
+//! | `client` | [`RemoteBattery`]: the battery at the other end |
+//!
+//! Source: `BatteryWrapper.cpp` and `BatteryClient.cpp` of 3.5.0, `Battery_nws_yarp.cpp`, `Battery_nwc_yarp.cpp` and
+//! `BatteryData.thrift` of 3.12.3 and 4.0.0.
+
+mod client;
+mod layout;
+mod server;
+
+use yarp_wire::Vocab32;
+
+pub use client::RemoteBattery;
+pub use layout::BatteryLayout;
+pub use server::{BatteryServer, BatteryServerOptions};
+
+const BATTERY: Vocab32 = Vocab32::new("ibat");
+const INFO: Vocab32 = Vocab32::new("btnf");
+const IS: Vocab32 = Vocab32::new("is");
+const GET_INFO: &str = "getBatteryInfoRPC";
