@@ -11,7 +11,7 @@ cd "$(dirname "$0")/.."
 # A crate per line, and its sets of features; `-` is none.
 SETS='
 yarp-wire           -
-yarp-ports          - jpeg shmem zlib tls jpeg,shmem,tls,zlib
+yarp-ports          - jpeg shmem zlib tls jpeg,shmem,tls,zlib latency-ablation
 yarp-nameserver     - sqlite
 yarp-devices        - image-files barrett
 yarp-wrappers       -

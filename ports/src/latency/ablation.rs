@@ -16,6 +16,10 @@ pub(crate) enum Optimisation {
     InheritedOptions,
     UnixWritePoll,
     UnixSendBuffer,
+    #[cfg_attr(
+        not(feature = "shmem"),
+        allow(dead_code, reason = "only shared memory asks for it")
+    )]
     ShmemPoll,
     WriteBatch,
     SharedParts,
