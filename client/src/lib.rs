@@ -31,7 +31,6 @@ pub mod asynchronous;
 mod camera;
 mod cartesian_tool;
 mod error;
-mod hand;
 mod local_name;
 mod message_bounds;
 pub mod module;
@@ -39,6 +38,7 @@ pub mod prelude;
 mod publisher;
 mod received;
 mod robot;
+mod robot_hand;
 mod rpc;
 mod subscriber;
 
@@ -47,11 +47,11 @@ use std::time::Duration;
 pub use camera::Camera;
 pub use cartesian_tool::CartesianTool;
 pub use error::{Error, Result};
-pub use hand::Hand;
 pub use message_bounds::{Reply, Request};
 pub use publisher::Publisher;
 pub use received::Received;
 pub use robot::Robot;
+pub use robot_hand::Hand;
 pub use rpc::{RpcClient, RpcServer};
 pub use subscriber::{CallbackSubscriber, Messages, Subscriber};
 

@@ -7,8 +7,8 @@ use bytes::{Bytes, BytesMut};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 use yarp_conformance::capture::{Capture, Run};
-use yarp_conformance::mask;
 use yarp_conformance::recorded_board::RecordedBoard;
+use yarp_conformance::traffic_mask;
 use yarp_nameserver::{Server, ServerOptions};
 use yarp_wire::{Bottle, Limits, WireVersion};
 use yarp_wrappers::{ControlBoardOptions, ControlBoardServer};
@@ -95,8 +95,11 @@ async fn play(scenario: &str, positions: Vec<f64>) -> usize {
                 assert!(skipped.starts_with(b"YA"), "run {index}");
                 continue;
             };
-            let (got, expected) = (read_answer(&mut stream).await, mask::bottle(&expected));
-            let got = mask::bottle(&got);
+            let (got, expected) = (
+                read_answer(&mut stream).await,
+                traffic_mask::bottle(&expected),
+            );
+            let got = traffic_mask::bottle(&got);
             assert_eq!(got.to_string(), expected.to_string(), "{asked}");
             let bytes = |bottle: &Bottle| bottle.encode(WireVersion::V3);
             assert_eq!(bytes(&got), bytes(&expected), "{asked}: {got}");

@@ -7,7 +7,7 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 use yarp_conformance::capture::Capture;
 use yarp_conformance::recorded_board::RecordedBoard;
-use yarp_conformance::replay;
+use yarp_conformance::traffic_replay;
 use yarp_nameserver::{Server, ServerOptions};
 use yarp_ports::{Network, Port, PortOptions};
 use yarp_wire::name_service::RegisterRequest;
@@ -50,7 +50,7 @@ impl Stage {
         let mut compared = 0;
         for recorded in capture.to(capture.number_of(port)) {
             let address = (place.host.as_str(), place.port);
-            let played = replay::play(recorded, address).await;
+            let played = traffic_replay::play(recorded, address).await;
             played.unwrap_or_else(|error| panic!("{scenario}, {port}: {error}"));
             compared += recorded.runs.iter().filter(|run| !run.sent).count();
         }
@@ -82,7 +82,7 @@ async fn text_requests_are_answered_as_by_stock() {
     // Header, and `help`. Then `get axes`, as 3.x sends it: stock does not answer it, ours does.
     assert_eq!(recorded.runs.len(), 6);
     recorded.runs.truncate(4);
-    let played = replay::play(&recorded, (place.host.as_str(), place.port)).await;
+    let played = traffic_replay::play(&recorded, (place.host.as_str(), place.port)).await;
     played.unwrap_or_else(|error| panic!("{error}"));
     stage.close().await;
 }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use bytes::{Bytes, BytesMut};
 use yarp_conformance::capture::Capture;
-use yarp_conformance::replay;
+use yarp_conformance::traffic_replay;
 use yarp_devices::camera::{CameraOptions, Pattern, Scene, SimulatedCamera};
 use yarp_nameserver::{Server, ServerOptions};
 use yarp_wire::WireVersion;
@@ -39,7 +39,7 @@ async fn the_stock_client_is_answered_as_by_stock() {
         let place = network.query(port).await.expect("a place");
         let mut compared = 0;
         for recorded in capture.to(capture.number_of(port)) {
-            let played = replay::play(recorded, (place.host.as_str(), place.port)).await;
+            let played = traffic_replay::play(recorded, (place.host.as_str(), place.port)).await;
             played.unwrap_or_else(|error| panic!("{generation}: {error}"));
             compared += recorded.runs.iter().filter(|run| !run.sent).count();
         }

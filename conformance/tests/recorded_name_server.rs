@@ -1,7 +1,7 @@
 //! Recorded conversations with stock name servers, played against ours.
 
 use yarp_conformance::capture::Capture;
-use yarp_conformance::replay;
+use yarp_conformance::traffic_replay;
 use yarp_nameserver::{Server, ServerOptions};
 
 /// Port of the recorded name servers.
@@ -31,7 +31,7 @@ async fn the_name_server_answers_as_stock_does() {
                 server.network().ask(&register).await.expect("an answer");
             }
             let streams = capture.to(NAME_SERVER);
-            let errors = replay::play_together(streams, ("127.0.0.1", server.port())).await;
+            let errors = traffic_replay::play_together(streams, ("127.0.0.1", server.port())).await;
             assert!(
                 errors.is_empty(),
                 "{}:\n{}",

@@ -1,7 +1,7 @@
 //! Recorded conversations with stock ports, played against ports of ours.
 
 use yarp_conformance::capture::Capture;
-use yarp_conformance::replay;
+use yarp_conformance::traffic_replay;
 use yarp_nameserver::{Server, ServerOptions};
 use yarp_ports::{Answer, Network, Port, PortOptions, Queue};
 
@@ -33,7 +33,8 @@ async fn a_reader_answers_as_stock_does() {
             let capture = Capture::load(generation, &format!("read_write_{carrier}"));
             let port = reader(&network, "/rd").await;
             let streams = capture.to(capture.number_of("/rd"));
-            let errors = replay::play_together(streams, ("127.0.0.1", port.tcp_port())).await;
+            let errors =
+                traffic_replay::play_together(streams, ("127.0.0.1", port.tcp_port())).await;
             none(&capture.what, errors);
             let mut read = Vec::new();
             while let Some(message) = port.try_read() {
@@ -64,7 +65,8 @@ async fn a_writer_answers_as_stock_does() {
                 .await
                 .expect("a port");
             let streams = capture.to(capture.number_of("/wr"));
-            let errors = replay::play_together(streams, ("127.0.0.1", port.tcp_port())).await;
+            let errors =
+                traffic_replay::play_together(streams, ("127.0.0.1", port.tcp_port())).await;
             none(&capture.what, errors);
             assert_eq!(port.outputs(), ["/rd"], "{}", capture.what);
             port.close().await;
@@ -84,7 +86,7 @@ async fn an_echo_server_answers_as_stock_does() {
             .handler(|request| request.bottle().map_or(Answer::Nothing, Answer::reply));
         let port = Port::open(&network, "/srv", options).await.expect("a port");
         let streams = capture.to(capture.number_of("/srv"));
-        let errors = replay::play_together(streams, ("127.0.0.1", port.tcp_port())).await;
+        let errors = traffic_replay::play_together(streams, ("127.0.0.1", port.tcp_port())).await;
         none(&capture.what, errors);
         port.close().await;
         server.close().await;
@@ -98,7 +100,7 @@ async fn administration_answers_as_stock_does() {
         let capture = Capture::load(generation, "admin");
         let port = reader(&network, "/adm").await;
         let streams = capture.to(capture.number_of("/adm"));
-        let errors = replay::play_together(streams, ("127.0.0.1", port.tcp_port())).await;
+        let errors = traffic_replay::play_together(streams, ("127.0.0.1", port.tcp_port())).await;
         none(&capture.what, errors);
         port.close().await;
         server.close().await;
@@ -112,7 +114,7 @@ async fn text_connections_are_answered_as_stock_does() {
         let capture = Capture::load(generation, "text_mode");
         let port = reader(&network, "/rd").await;
         let streams = capture.to(capture.number_of("/rd"));
-        let errors = replay::play_together(streams, ("127.0.0.1", port.tcp_port())).await;
+        let errors = traffic_replay::play_together(streams, ("127.0.0.1", port.tcp_port())).await;
         none(&capture.what, errors);
         port.close().await;
         server.close().await;

@@ -13,7 +13,7 @@ use std::time::Duration;
 use hand_support::{Stage, TEST_TIMEOUT, eventually};
 use yarp_devices::hand::gcl::Status;
 use yarp_devices::hand::node::{HandNode, RemoteHand, RemoteHandOptions};
-use yarp_devices::hand::{GclConnection, HandError, grasp};
+use yarp_devices::hand::{GclConnection, HandError, named_grasps};
 use yarp_devices::{Axes, DeviceError, Grasp, GraspKind, Hand};
 
 /// A driver, a server that has connected to it, and the hand.
@@ -66,7 +66,7 @@ fn a_hand_behind_a_server_does_what_a_hand_does() {
     for kind in GraspKind::ALL {
         hand.grasp(GraspKind::OpenWide).unwrap();
         hand.grasp(kind).unwrap();
-        let off = hand.check_grasp(grasp::expected(kind)).unwrap();
+        let off = hand.check_grasp(named_grasps::expected(kind)).unwrap();
         assert!(off.iter().all(|off| off.abs() < 3.0), "{kind}: {off:?}");
     }
     hand.home().unwrap();

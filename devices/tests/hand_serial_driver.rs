@@ -11,7 +11,7 @@ use yarp_devices::hand::gcl::{
     Command, Layout, Motor, MotorControl, MotorLayout, MotorSet, Parameter, Status, Verb,
 };
 use yarp_devices::hand::simulated::Object;
-use yarp_devices::hand::{self, BarrettHand, HandError, finger_coupling, grasp};
+use yarp_devices::hand::{self, BarrettHand, HandError, finger_coupling, named_grasps};
 use yarp_devices::{Axes, DeviceError, Grasp, GraspKind, Hand};
 
 /// The status that a call through the interfaces was refused with.
@@ -44,7 +44,7 @@ fn every_named_grasp_ends_where_it_is_expected() {
         hand.grasp(GraspKind::OpenWide).unwrap();
         hand.grasp(kind)
             .unwrap_or_else(|error| panic!("{kind}: {error}"));
-        let off = hand.check_grasp(grasp::expected(kind)).unwrap();
+        let off = hand.check_grasp(named_grasps::expected(kind)).unwrap();
         // Closed fingers go a little beyond the 140 degrees of the data sheet.
         assert!(off.iter().all(|off| off.abs() < 3.0), "{kind}: {off:?}");
     }
@@ -62,7 +62,7 @@ fn a_grasp_that_holds_something_is_told_from_an_empty_one() {
     stage.there.set_object(Motor::F3, Some(object));
     hand.close_fingers_with_torque().unwrap();
     let off = hand
-        .check_grasp(grasp::expected(GraspKind::Needle))
+        .check_grasp(named_grasps::expected(GraspKind::Needle))
         .unwrap();
     assert!(
         (off[2] - 6.0).abs() < 0.1,

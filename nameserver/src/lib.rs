@@ -7,11 +7,11 @@
 mod access_control;
 mod links;
 pub mod multicast_discovery;
+mod name_request_handler;
 mod name_server;
 mod prober;
 mod probes;
 pub mod registry;
-mod request_handler;
 pub mod shared;
 pub mod store;
 mod web;

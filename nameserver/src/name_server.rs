@@ -26,9 +26,9 @@ use yarp_wire::{Bottle, Vocab32};
 use crate::access_control;
 use crate::links::{Due, Links};
 use crate::multicast_discovery;
+use crate::name_request_handler::{self, Persistence, RequestHandler};
 use crate::prober;
 use crate::registry::{Body, Capacity, Effect, PortStatus, Registry, Settings, Subnet};
-use crate::request_handler::{self, Persistence, RequestHandler};
 use crate::shared::{Content, SharedStore, SharedStoreError, WRITE_TIMEOUT, Writer, WriterChannel};
 use crate::store::{Journal, Store, StoreError};
 use crate::web::{self, Survey, Web};
@@ -336,7 +336,7 @@ impl Server {
             queue: VecDeque::new(),
             health,
             on_effects: Box::new(move |effects| {
-                request_handler::dispatch_effects(&listeners, effects)
+                name_request_handler::dispatch_effects(&listeners, effects)
             }),
             replace: options.replace,
             run: stamp(),

@@ -13,8 +13,8 @@ use yarp_ports::{AdminClient, Network, PortError, remote_admin};
 use yarp_wire::message::Command::Describe;
 use yarp_wire::name_service::Registration;
 
+use crate::name_request_handler::RequestHandler;
 use crate::registry::{Probe, ProbeResult};
-use crate::request_handler::RequestHandler;
 
 /// Name that the prober sends in the handshake; ports do not log connections from names that are
 /// not ports.

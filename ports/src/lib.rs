@@ -25,11 +25,11 @@ pub mod discovery_client;
 mod error;
 mod latency;
 mod lease_renewal;
-pub mod limits;
 mod log_text;
 mod network;
 mod own_names;
 mod port;
+pub mod port_limits;
 pub mod remote_admin;
 pub mod roles;
 #[cfg_attr(not(feature = "shmem"), path = "shmem_absent.rs")]

@@ -4,7 +4,7 @@ use std::fmt::{self, Display, Write as _};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use crate::limits::MAX_LOGGED_TEXT;
+use crate::port_limits::MAX_LOGGED_TEXT;
 
 /// Returns a peer's text as it may stand in a line of the log or in a report: control characters and backslashes are
 /// escaped, and what goes beyond [`MAX_LOGGED_TEXT`] characters is cut.

@@ -6,7 +6,7 @@ mod common;
 use std::time::Duration;
 
 use common::{Raw, bottle, connect, open, tcp_header, tcp_message, within};
-use yarp_ports::limits::ProcessLimits;
+use yarp_ports::port_limits::ProcessLimits;
 use yarp_ports::{Answer, PortOptions};
 use yarp_wire::Bottle;
 

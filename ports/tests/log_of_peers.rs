@@ -6,7 +6,7 @@ use std::io::Write;
 use std::sync::{Arc, Mutex};
 
 use common::{Raw, open, until, within};
-use yarp_ports::limits::BAD_CONNECTION_LOG_LINES;
+use yarp_ports::port_limits::BAD_CONNECTION_LOG_LINES;
 use yarp_ports::{PortOptions, Queue};
 
 /// Captured log.

@@ -5,7 +5,7 @@ mod common;
 use std::sync::{LazyLock, Mutex, MutexGuard, PoisonError};
 
 use common::{Raw, ask, at, bottle, connect, next, open, tcp_message, until, within};
-use yarp_ports::limits::{MAX_PROPERTY_BYTES, ProcessLimits};
+use yarp_ports::port_limits::{MAX_PROPERTY_BYTES, ProcessLimits};
 use yarp_ports::{PortOptions, Queue};
 use yarp_wire::Bottle;
 

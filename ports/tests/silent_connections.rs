@@ -7,7 +7,7 @@ use std::time::Duration;
 use common::{Raw, ask, bottle, connect, next, open, until, within};
 use tokio::io::AsyncReadExt;
 use tokio::net::TcpStream;
-use yarp_ports::limits::ProcessLimits;
+use yarp_ports::port_limits::ProcessLimits;
 use yarp_ports::{PortOptions, Queue};
 
 /// Far fewer than connect in vain.

@@ -5,7 +5,7 @@ mod common;
 use std::time::Duration;
 
 use common::{Raw, bottle, connect, next, open, until, within};
-use yarp_ports::limits::ProcessLimits;
+use yarp_ports::port_limits::ProcessLimits;
 use yarp_ports::{PortOptions, Queue};
 
 const INPUTS: usize = 5;

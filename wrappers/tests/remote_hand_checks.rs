@@ -12,7 +12,9 @@ use std::time::Duration;
 use support::{Stage, TEST_TIMEOUT, eventually};
 use yarp_devices::hand::gcl::Status;
 use yarp_devices::hand::simulated::{SimulatedHand, SimulatedHandOptions};
-use yarp_devices::hand::{BarrettHand, HandBoard, HandError, HandErrorKind, HandOptions, grasp};
+use yarp_devices::hand::{
+    BarrettHand, HandBoard, HandError, HandErrorKind, HandOptions, named_grasps,
+};
 use yarp_devices::{Axes, Device, DeviceError, Grasp, GraspKind, Hand};
 use yarp_ports::{Port, PortOptions};
 use yarp_wire::Bottle;
@@ -82,7 +84,7 @@ fn behaves(hand: &(impl Hand + Grasp)) {
     for kind in GraspKind::ALL {
         hand.grasp(GraspKind::OpenWide).unwrap();
         hand.grasp(kind).unwrap();
-        let off = hand.check_grasp(grasp::expected(kind)).unwrap();
+        let off = hand.check_grasp(named_grasps::expected(kind)).unwrap();
         assert!(off.iter().all(|off| off.abs() < 3.0), "{kind}: {off:?}");
     }
     hand.open_fingers().unwrap();

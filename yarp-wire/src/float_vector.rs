@@ -3,8 +3,8 @@
 use bytes::{Buf, BufMut, Bytes, BytesMut};
 
 use crate::bottle::DecodeError;
-use crate::limits::Limits;
 use crate::message::{ReadObject, WireObject};
+use crate::message_limits::Limits;
 use crate::wire_version::WireVersion;
 
 /// Floating point numbers, stock's `yarp::sig::Vector`.

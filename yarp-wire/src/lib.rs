@@ -27,8 +27,8 @@ pub mod datagram;
 pub mod float_vector;
 pub mod framed_number;
 pub mod http;
-pub mod limits;
 pub mod message;
+pub mod message_limits;
 pub mod mjpeg;
 pub mod name_service;
 pub mod port_name;
@@ -44,7 +44,7 @@ pub mod websocket;
 pub mod wire_version;
 
 pub use bottle::{Bottle, Value};
-pub use limits::Limits;
+pub use message_limits::Limits;
 pub use port_name::{Contact, PortName};
 pub use ready::Ready;
 pub use stamp::Stamp;

@@ -6,11 +6,11 @@
 //! | `grasp/` | [`Grasp`]: hand pose and finger openings per shape, from the kinematics of the fingers |
 //! | `posture` | [`PostureSolver`]: inverse kinematics that prefers low gravity torques |
 //! | `workcell` | [`Workcell`]: the calls of arm and hand that the steps need |
-//! | `remote` | [`RemoteWorkcell`]: arm and hand on the network |
+//! | `remote_workcell` | [`RemoteWorkcell`]: arm and hand on the network |
 //! | `surroundings` | [`Surroundings`]: table, baskets and objects as obstacles |
-//! | `stop` | [`Stop`]: finish the current object, or halt at once |
+//! | `stop_request` | [`Stop`]: finish the current object, or halt at once |
 //! | `picker/` | [`Picker`]: pre-grasp, approach, grasp, verification, lift, transport, release |
-//! | `tidy` | [`tidy`](tidy()): objects into the baskets of their classes |
+//! | `tidy_task` | [`tidy_task`](tidy()): objects into the baskets of their classes |
 //!
 //! Units are metres, **radians** and seconds; poses are in the base frame of the arm. The frame of the hand is that of the
 //! tool plate, frame 7 of the arm: z out of the palm, F3 at positive y.
@@ -20,10 +20,10 @@ mod grasp;
 mod item;
 mod picker;
 mod posture;
-mod remote;
-mod stop;
+mod remote_workcell;
+mod stop_request;
 mod surroundings;
-mod tidy;
+mod tidy_task;
 mod workcell;
 
 pub use detector::{DetectError, Detector};
@@ -31,8 +31,8 @@ pub use grasp::{Grasp, GraspOptions, grasps};
 pub use item::{Class, Item, ItemShape};
 pub use picker::{PickError, Picker, PickerOptions, Step};
 pub use posture::{PostureError, PostureSolver};
-pub use remote::RemoteWorkcell;
-pub use stop::{Stop, StopRequest};
+pub use remote_workcell::RemoteWorkcell;
+pub use stop_request::{Stop, StopRequest};
 pub use surroundings::{Container, Surroundings};
-pub use tidy::{TidyError, TidyOptions, TidyReport, tidy};
+pub use tidy_task::{TidyError, TidyOptions, TidyReport, tidy};
 pub use workcell::{Workcell, WorkcellError};

@@ -20,7 +20,7 @@
 //!
 //! | module | content |
 //! | --- | --- |
-//! | `scene`, `shape` | obstacles in the base frame of the arm |
+//! | `planning_scene`, `obstacle_shape` | obstacles in the base frame of the arm |
 //! | `collision/` | the arm as spheres, clearance of a posture, continuous checks of a motion |
 //! | `rrt_connect` | bidirectional random trees (Kuffner and LaValle 2000) |
 //! | `path/` | shortcuts, time parameterisation within velocity and acceleration limits |
@@ -30,16 +30,16 @@
 //! Units are metres, **radians**, seconds; poses are in the base frame of the arm.
 
 mod collision;
+mod obstacle_shape;
 mod path;
 mod planner;
+mod planning_scene;
 mod problem;
 mod rrt_connect;
-mod scene;
-mod shape;
 
 pub use collision::{ArmGeometry, CollisionModel, Contact, LinkSphere, MARGIN};
+pub use obstacle_shape::Shape;
 pub use path::{Path, Trajectory, TrajectoryError};
 pub use planner::{PlanError, Planner, PlannerOptions};
+pub use planning_scene::{Obstacle, Scene};
 pub use problem::{Problem, ProblemError};
-pub use scene::{Obstacle, Scene};
-pub use shape::Shape;

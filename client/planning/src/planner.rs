@@ -7,8 +7,8 @@ use yarp_devices::wam::WamModel;
 
 use crate::collision::{ArmGeometry, CollisionModel, Contact};
 use crate::path::{Path, Trajectory, TrajectoryError, shorten};
+use crate::planning_scene::Scene;
 use crate::rrt_connect::search;
-use crate::scene::Scene;
 
 /// Options of a [`Planner`].
 #[derive(Clone, Debug)]

@@ -7,9 +7,9 @@ use yarp_devices::kinematics::{EulerXyz, Joints, Pose, Solver};
 use yarp_devices::wam::WamModel;
 
 use crate::collision::{ArmGeometry, CollisionModel};
+use crate::obstacle_shape::Shape;
 use crate::planner::Planner;
-use crate::scene::{Obstacle, Scene};
-use crate::shape::Shape;
+use crate::planning_scene::{Obstacle, Scene};
 use yarp_devices::pseudo_random::Random;
 
 /// Maximum number of obstacles and of goals of a file.

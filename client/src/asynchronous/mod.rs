@@ -7,14 +7,14 @@
 //! | [`RpcClient`], [`RpcServer`] | sends requests, answers requests |
 //! | [`Remote`] | a [`Robot`](crate::Robot), [`Camera`](crate::Camera), [`Hand`](crate::Hand) or [`CartesianTool`](crate::CartesianTool) whose calls run on tokio's blocking threads |
 
-mod publisher;
-mod remote;
+mod async_devices;
+mod async_publisher;
+mod async_subscriber;
 mod rpc_client;
 mod rpc_server;
-mod subscriber;
 
-pub use publisher::Publisher;
-pub use remote::Remote;
+pub use async_devices::Remote;
+pub use async_publisher::Publisher;
+pub use async_subscriber::Subscriber;
 pub use rpc_client::RpcClient;
 pub use rpc_server::RpcServer;
-pub use subscriber::Subscriber;

@@ -4,11 +4,11 @@
 //! | --- | --- |
 //! | `context` | name, parameters and files of the program |
 //! | `run` | configuration, periodic updates, end |
-//! | `stop` | signals and other requests to stop |
+//! | `module_stop` | signals and other requests to stop |
 
 mod context;
+mod module_stop;
 mod run;
-mod stop;
 
 use std::time::Duration;
 
@@ -17,8 +17,8 @@ use yarp_wire::Bottle;
 use crate::Result;
 
 pub use context::Context;
+pub use module_stop::StopHandle;
 pub use run::{run, run_with};
-pub use stop::StopHandle;
 
 /// True if a module continues.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]

@@ -12,7 +12,7 @@
 //! | `image_source` | the latest image of a camera, a thread, a folder |
 //! | `back_projection` | pixels to points and directions in the arm's base frame |
 //! | `simulated/` | evaluation on the simulated table (feature `table`) |
-//! | `shape` | [`Shape`], [`Detection`] |
+//! | `object_shape` | [`Shape`], [`Detection`] |
 //! | `error` | [`VisionError`] |
 //!
 //! The image type is [`Image`] of `yarp-devices`; OpenCV's types stay inside this crate. Units are m, **radians** and
@@ -27,9 +27,9 @@ pub mod evaluation;
 pub mod image_source;
 mod intrinsics;
 mod mat;
+mod object_shape;
 mod overlay;
 pub mod recognition;
-mod shape;
 #[cfg(feature = "table")]
 pub mod simulated;
 
@@ -38,9 +38,9 @@ pub use depth::DepthImage;
 pub use detector::{Detector, DetectorParameters, DetectorSetup, FoundObject, ObjectDatabase};
 pub use error::VisionError;
 pub use intrinsics::{CameraModel, Intrinsics};
+pub use object_shape::{Detection, Polygon, Shape};
 pub use overlay::write_overlay;
 pub use recognition::{ModelDatabase, Recogniser, RecogniserParameters};
-pub use shape::{Detection, Polygon, Shape};
 pub use yarp_devices::image::{Crop, Frame, Image, PixelFormat};
 pub use yarp_devices::kinematics::Pose;
 

@@ -14,7 +14,7 @@ use std::process::{Child, Command, ExitCode, Stdio};
 use std::time::Duration;
 
 use yarp_conformance::counting_allocator::Counting;
-use yarp_conformance::soak::Footprint;
+use yarp_conformance::soak_cycles::Footprint;
 use yarp_ports::{Network, Port, PortOptions, Queue};
 use yarp_wire::Bottle;
 

@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use yarp_conformance::counting_allocator::Counting;
-use yarp_conformance::soak;
+use yarp_conformance::soak_cycles;
 
 #[global_allocator]
 static COUNTING: Counting = Counting;
@@ -16,7 +16,7 @@ static COUNTING: Counting = Counting;
 const CYCLES: usize = 100_000;
 
 fn main() -> ExitCode {
-    let alone = soak::alone(std::env::args_os().skip(1));
+    let alone = soak_cycles::alone(std::env::args_os().skip(1));
     let output = match alone {
         Ok(None) => return measure(),
         Ok(Some(output)) => output,
@@ -44,7 +44,7 @@ async fn measure() -> ExitCode {
         }
     };
     let begin = Instant::now();
-    let outcome = match soak::run(cycles).await {
+    let outcome = match soak_cycles::run(cycles).await {
         Ok(outcome) => outcome,
         Err(error) => {
             eprintln!("soak: {error}");

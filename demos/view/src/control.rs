@@ -20,7 +20,7 @@ use yarp_wire::{Bottle, Value, Vocab32};
 
 use crate::board_client::{BoardClient, BoardError};
 use crate::log_lines::LogLevel;
-use crate::model::Model;
+use crate::view_model::Model;
 
 /// Joints of the arm.
 const JOINTS: usize = 7;

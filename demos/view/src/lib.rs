@@ -5,37 +5,37 @@
 //!
 //! | file | content |
 //! | --- | --- |
-//! | `view` | the ports of a view and their life |
+//! | `live_view` | the ports of a view and their life |
 //! | `sources` | connections to the ports that are shown, made while somebody watches |
-//! | `model`, `view_message` | the latest data, and the messages that bring it |
+//! | `view_model`, `view_message` | the latest data, and the messages that bring it |
 //! | `viewer_stream` | the messages to browsers |
 //! | `control`, `board_client` | commands of the page, with `--control` |
 //! | `robot_description`, `mesh` | URDF and meshes, generated from the kinematic models |
 //! | `page_files` | the page itself |
-//! | `mcap`, `recorder`, `replay` | recordings in files, and back into the network |
+//! | `mcap`, `recorder`, `recording_replay` | recordings in files, and back into the network |
 
 mod board_client;
 mod camera_image;
 mod control;
+mod live_view;
 mod log_lines;
 mod mcap;
 mod mesh;
-mod model;
 mod network_status;
 mod page_files;
 mod recorder;
-mod replay;
+mod recording_replay;
 mod robot_description;
 mod sources;
-mod view;
 mod view_message;
+mod view_model;
 mod viewer_stream;
 
+pub use live_view::{View, ViewOptions};
 pub use log_lines::{LogLevel, LogLines};
 pub use mcap::McapError;
 pub use recorder::{RecordCounts, RecordError, Recorder};
-pub use replay::{Replay, ReplayError};
-pub use view::{View, ViewOptions};
+pub use recording_replay::{Replay, ReplayError};
 
 /// True if this build contains the three-dimensional part of the page.
 pub const HAS_SCENE: bool = cfg!(scene_bundled);

@@ -10,8 +10,8 @@ use tokio::task::JoinSet;
 use tokio::time::Instant;
 use yarp_ports::{Port, remote_admin};
 
-use crate::model::{Model, Role};
 use crate::network_status;
+use crate::view_model::{Model, Role};
 
 /// Interval between two looks at the connections.
 const CHECK_INTERVAL: Duration = Duration::from_secs(1);

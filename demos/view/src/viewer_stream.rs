@@ -21,9 +21,9 @@ use yarp_ports::Port;
 use yarp_wire::{Bottle, Value};
 
 use crate::camera_image;
-use crate::model::Model;
 use crate::page_files::PageFiles;
 use crate::sources::Sources;
+use crate::view_model::Model;
 
 /// Interval between two looks for new data while somebody watches.
 const TICK: Duration = Duration::from_millis(10);

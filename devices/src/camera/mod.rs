@@ -11,20 +11,20 @@
 //! | `simulated_camera` | [`SimulatedCamera`]: the thread and the device interfaces |
 //! | `simulated_firewire` | the same as a camera on IEEE 1394 |
 //! | `camera_options` | [`CameraOptions`], [`Scene`] |
-//! | `image_source`, `test_pattern`, [`mjpeg_splitter`] | sources of images |
+//! | `camera_images`, `test_pattern`, [`mjpeg_splitter`] | sources of images |
 //! | `feature_settings` | effects of the features |
-//! | `latest_value` | [`LatestValue`]: hands frames to readers without blocking the camera |
+//! | `shared_latest` | [`LatestValue`]: hands frames to readers without blocking the camera |
 
+mod camera_images;
 mod camera_options;
 mod feature_settings;
-mod image_source;
-mod latest_value;
 pub mod mjpeg_splitter;
+mod shared_latest;
 mod simulated_camera;
 mod simulated_firewire;
 mod test_pattern;
 
 pub use camera_options::{CameraOptions, Scene};
-pub use latest_value::LatestValue;
+pub use shared_latest::LatestValue;
 pub use simulated_camera::SimulatedCamera;
 pub use test_pattern::Pattern;

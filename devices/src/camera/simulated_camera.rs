@@ -5,8 +5,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
+use super::camera_images::ImageSource;
 use super::feature_settings::{FeatureSettings, FeatureState};
-use super::image_source::ImageSource;
 use super::simulated_firewire::{self, BusState};
 use super::{CameraOptions, LatestValue};
 use crate::clock::wall_clock;

@@ -29,12 +29,12 @@
 //! | `cartesian_settings` | settings; joints for a target |
 //! | `tool_motion` | the motion in progress |
 //! | `cartesian_controller` | commands, and the thread that executes them |
-//! | `cartesian_interface` | the interface of the controller |
+//! | `controller_interface` | the interface of the controller |
 
 mod arm_adapter;
 mod cartesian_controller;
-mod cartesian_interface;
 mod cartesian_settings;
+mod controller_interface;
 mod minimum_jerk_path;
 mod pose_conversion;
 mod tool_motion;

@@ -1,6 +1,6 @@
 //! The interfaces of a guarded device for motors and control loops.
 
-use super::interfaces::has;
+use super::guarded_interfaces::has;
 use super::{Guarded, check, pairs};
 use crate::{
     Axes, AxisIndex, CurrentControl, DeviceError, Impedance, ImpedanceControl, ImpedanceLimits,

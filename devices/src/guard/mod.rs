@@ -14,7 +14,7 @@
 mod default_guards;
 mod effort_interfaces;
 mod guarded_device;
-mod interfaces;
+mod guarded_interfaces;
 mod joint_limits;
 mod rate_limits;
 mod stop_switch;

@@ -1,6 +1,6 @@
 //! The interfaces of a guarded device for streamed commands.
 
-use super::interfaces::has;
+use super::guarded_interfaces::has;
 use super::{Guarded, pairs};
 use crate::{
     Axes, AxisIndex, DeviceError, Limits, MotorTorqueParameters, PositionDirect, TorqueControl,

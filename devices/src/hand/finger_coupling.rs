@@ -14,7 +14,7 @@
 use std::f64::consts::PI;
 
 use super::gcl::Motor;
-use super::units;
+use super::hand_units;
 
 /// Rotation of the outer link per rotation of the inner one, while the clutch is engaged.
 pub const RATIO: f64 = 1.0 / 3.0;
@@ -49,7 +49,7 @@ pub struct MotorPosition {
 /// A clutch that released at a place beyond the motor's is engaged again.
 pub fn links(counts: f64, breakaway: Option<f64>) -> Links {
     let engaged = breakaway.map_or(counts, |place| place.min(counts));
-    let inner = units::degrees(Motor::F1, engaged).to_radians();
+    let inner = hand_units::degrees(Motor::F1, engaged).to_radians();
     let beyond = ((counts - engaged) / OUTER_COUNTS).to_radians();
     Links {
         inner,
@@ -70,7 +70,7 @@ pub fn motor(links: Links) -> Option<MotorPosition> {
     if !possible {
         return None;
     }
-    let place = units::counts(Motor::F1, inner.to_degrees());
+    let place = hand_units::counts(Motor::F1, inner.to_degrees());
     Some(match beyond <= TOLERANCE {
         true => MotorPosition {
             counts: place,

@@ -2,7 +2,7 @@
 
 use super::gcl::{Command, Motor, MotorSet, Parameter, Reply, Scope, Verb};
 use super::hand_error::HandError;
-use super::{grasp, units};
+use super::{hand_units, named_grasps};
 use crate::{Axes, DeviceError, Grasp, GraspKind, Hand};
 
 /// Something that takes lines of the hand's language.
@@ -64,7 +64,7 @@ fn moves(axes: Axes<'_>, angles: &[f64]) -> Result<Vec<Command>, DeviceError> {
     let mut commands: Vec<Command> = Vec::new();
     for (joint, &asked) in axes.iter(4).zip(angles) {
         let motor = Motor::ALL[joint.index()];
-        let max = units::degrees(motor, units::whole_way(motor));
+        let max = hand_units::degrees(motor, hand_units::whole_way(motor));
         if !asked.is_finite() {
             let quantity = "position";
             return Err(DeviceError::NotFinite {
@@ -83,7 +83,7 @@ fn moves(axes: Axes<'_>, angles: &[f64]) -> Result<Vec<Command>, DeviceError> {
                 unit: "deg",
             });
         }
-        let verb = Verb::Move(Some(units::counts(motor, asked).round() as i32));
+        let verb = Verb::Move(Some(hand_units::counts(motor, asked).round() as i32));
         match commands.iter_mut().find(|command| command.verb == verb) {
             Some(command) => {
                 command.motors = command.motors.map(|motors| motors.with(motor));
@@ -129,7 +129,7 @@ impl<L: GclConnection> Hand for L {
 
     fn finger_positions(&self) -> Result<[f64; 4], DeviceError> {
         let counts = read(self, Parameter::POSITION).map_err(|error| error.at(self.peer()))?;
-        Ok(Motor::ALL.map(|motor| units::degrees(motor, f64::from(counts[motor.index()]))))
+        Ok(Motor::ALL.map(|motor| hand_units::degrees(motor, f64::from(counts[motor.index()]))))
     }
 }
 
@@ -147,7 +147,7 @@ impl<L: GclConnection> Grasp for L {
     }
 
     fn grasp(&self, kind: GraspKind) -> Result<(), DeviceError> {
-        run(self, &grasp::commands(kind))
+        run(self, &named_grasps::commands(kind))
     }
 
     fn check_grasp(&self, expected: [Option<f64>; 4]) -> Result<[f64; 4], DeviceError> {

@@ -4,10 +4,10 @@
 //! | --- | --- |
 //! | `gcl/` | the language: commands, replies, blocks; no serial line, no clock |
 //! | `serial_line`, `serial_driver`, `realtime_session` | the serial line; commands over it; RealTime over it |
-//! | `gcl_connection`, `grasp` | the interfaces [`Hand`](crate::Hand) and [`Grasp`](crate::Grasp), in terms of commands |
+//! | `gcl_connection`, `named_grasps` | the interfaces [`Hand`](crate::Hand) and [`Grasp`](crate::Grasp), in terms of commands |
 //! | `board/` | the hand as a control board of four axes, in RealTime mode |
 //! | `node/` | a hand behind a server, over TCP: both sides |
-//! | `units`, `finger_coupling`, `finger_kinematics` | counts and degrees; coupling of a motor to two links; positions of fingertips |
+//! | `hand_units`, `finger_coupling`, `finger_kinematics` | counts and degrees; coupling of a motor to two links; positions of fingertips |
 //! | `simulated/` | a simulated hand, at the other end of a pseudo-terminal |
 //!
 //! Without the feature `barrett` this module has the language, the errors and [`GclConnection`] alone.
@@ -22,8 +22,9 @@ pub mod finger_coupling;
 pub mod finger_kinematics;
 pub mod gcl;
 mod gcl_connection;
-pub mod grasp;
 mod hand_error;
+pub mod hand_units;
+pub mod named_grasps;
 #[cfg(feature = "barrett")]
 pub mod node;
 #[cfg(feature = "barrett")]
@@ -34,7 +35,6 @@ mod serial_driver;
 mod serial_line;
 #[cfg(all(unix, feature = "barrett"))]
 pub mod simulated;
-pub mod units;
 
 #[cfg(feature = "barrett")]
 pub use board::HandBoard;

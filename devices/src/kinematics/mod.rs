@@ -6,7 +6,7 @@
 //! * [`EulerXyz`]: orientations as three angles, in the thesis's convention.
 //!
 //! Everything here is pure mathematics in metres, **radians** and seconds, and nothing allocates; degrees are
-//! for the device interfaces, and [`wam::units`](crate::wam::units) is the border.
+//! for the device interfaces, and [`wam::units`](crate::wam::wam_units) is the border.
 
 mod damped_least_squares;
 mod euler_angles;

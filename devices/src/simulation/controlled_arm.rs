@@ -45,7 +45,7 @@ fn because(fault: Option<Fault>) -> String {
 ///
 /// A move begins at the present **set point**, as with libbarrett, and takes the place of a running one. When the
 /// safety module takes the arm out of active the move is dropped; when it is active again the arm holds its position
-/// then. Units are rad and m; see [`wam::units`](crate::wam::units) for degrees.
+/// then. Units are rad and m; see [`wam::units`](crate::wam::wam_units) for degrees.
 ///
 /// ```
 /// use std::time::Duration;

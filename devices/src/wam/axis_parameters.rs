@@ -4,7 +4,7 @@
 //! public drivers of that name. They count in radians, which end in [`parameters`].
 
 use super::WamModel;
-use super::units::limits_in_degrees;
+use super::wam_units::limits_in_degrees;
 use crate::JointType;
 use crate::fake::AxisParameters;
 

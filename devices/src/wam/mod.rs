@@ -18,8 +18,8 @@ mod dynamic_wam;
 mod simulated_wam;
 mod simulated_wam_motors;
 mod transmission;
-pub mod units;
 mod wam_model;
+pub mod wam_units;
 
 pub(crate) use arm_control::UNITS_PER_AMPERE;
 pub use arm_control::{ArmControl, ArmError};

@@ -5,9 +5,9 @@ use std::path::Path;
 
 use yarp_devices::kinematics::Joints;
 
-use crate::output::{OutputError, write_image};
+use crate::png_files::{OutputError, write_image};
 use crate::random::hash;
-use crate::robot::{HandPosture, RobotPosture, frames};
+use crate::simulated_robot::{HandPosture, RobotPosture, frames};
 use crate::{
     BrickKind, Effects, Face, NoRoom, Placement, Random, Renderer, Scene, Shot, arm_model,
     brick_face,
@@ -167,7 +167,7 @@ fn hovering(random: &mut Random) -> Option<RobotPosture> {
                 ..HandPosture::default()
             }),
         };
-        let plate = frames(&chain, &posture)[crate::robot::PALM];
+        let plate = frames(&chain, &posture)[crate::simulated_robot::PALM];
         let high = plate.translation.z > crate::SURFACE + PLATE_HEIGHT;
         let in_sight = (0.35..0.75).contains(&plate.translation.x)
             && plate.translation.y.abs() < 0.35

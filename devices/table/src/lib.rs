@@ -4,9 +4,9 @@
 //!
 //! | file | what it is about |
 //! | --- | --- |
-//! | `scene`, `object`, `bricks`, `robot` | [`Scene`]: table, baskets, objects, posture of arm and hand |
+//! | `table_scene`, `object`, `bricks`, `simulated_robot` | [`Scene`]: table, baskets, objects, posture of arm and hand |
 //! | `placement` | random tables |
-//! | `camera`, `lighting` | [`Camera`]: projection; [`Lighting`], [`Effects`] |
+//! | `table_camera`, `lighting` | [`Camera`]: projection; [`Lighting`], [`Effects`] |
 //! | `texture/` | wood and print |
 //! | `render/` | [`Renderer`]: images, masks and depth |
 //! | `physics/`, `simulation` | [`TableSimulation`]: bodies, arm and hand, stepped by their owner |
@@ -29,20 +29,20 @@
 //! ```
 
 mod bricks;
-mod camera;
 mod dataset;
 mod lighting;
 #[cfg(unix)]
 mod live;
 mod object;
-mod output;
 mod physics;
 mod placement;
+mod png_files;
 mod random;
 mod render;
-pub mod robot;
-mod scene;
+pub mod simulated_robot;
 mod simulation;
+mod table_camera;
+mod table_scene;
 mod texture;
 mod truth;
 
@@ -50,19 +50,21 @@ mod truth;
 pub use yarp_devices::kinematics::Pose;
 
 pub use bricks::{BrickKind, Face};
-pub use camera::{Camera, Lens};
 pub use dataset::{Dataset, DatasetOptions, objects_xml, write_models, write_shot};
 pub use lighting::{Effects, Lamp, Lighting};
 #[cfg(unix)]
 pub use live::{DEPTH_FROM, DEPTH_STEP, LiveOptions, LiveTable, TableCamera, TableStatistics};
 pub use object::{BOARD_THICKNESS, Class, Finish, Object, Shape};
-pub use output::{OutputError, write_gray, write_image};
 pub use physics::{Contact, Other, PathCheck, Physics, Reaction, RobotState, STEP, Solid};
 pub use placement::{NoRoom, Placement};
+pub use png_files::{OutputError, write_gray, write_image};
 pub use random::Random;
 pub use render::{Depth, DepthNoise, Renderer, Shot};
-pub use robot::{HandPosture, RobotPosture};
-pub use scene::{BASKET_WALL, Basket, CAMERA_HEIGHT, MIDDLE, MountedBoard, SURFACE, Scene, Table};
+pub use simulated_robot::{HandPosture, RobotPosture};
 pub use simulation::{SimulationOptions, TableSimulation, arm_model};
+pub use table_camera::{Camera, Lens};
+pub use table_scene::{
+    BASKET_WALL, Basket, CAMERA_HEIGHT, MIDDLE, MountedBoard, SURFACE, Scene, Table,
+};
 pub use texture::brick_face;
 pub use truth::{CameraTruth, GroundTruth, Mask, ObjectTruth, TruthError};

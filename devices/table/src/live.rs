@@ -18,7 +18,7 @@ use yarp_devices::{
 };
 
 use crate::physics::{Contact, Other, Physics, RobotState, STEP};
-use crate::robot::{HandPosture, PALM, RobotPosture};
+use crate::simulated_robot::{HandPosture, PALM, RobotPosture};
 use crate::simulation::arm_model;
 use crate::{Camera, DepthNoise, Effects, Lens, Pose, Renderer, Scene};
 

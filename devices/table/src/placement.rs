@@ -6,7 +6,7 @@ use nalgebra::{Point2, Vector2};
 
 use crate::bricks::BrickKind;
 use crate::object::{Class, Finish, Object, Shape};
-use crate::scene::{Scene, Table};
+use crate::table_scene::{Scene, Table};
 use crate::{Lighting, Random};
 
 /// Attempts to find a place for one object, and to find a whole table.

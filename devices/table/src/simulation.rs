@@ -11,7 +11,7 @@ use yarp_devices::simulation::SimulatorOptions;
 use yarp_devices::wam::{DynamicArm, WamModel};
 
 use crate::physics::{Physics, RobotState, STEP};
-use crate::robot::{HandPosture, RobotPosture};
+use crate::simulated_robot::{HandPosture, RobotPosture};
 use crate::{Pose, Scene};
 
 /// Mass of the BH8-262, its centre of mass beyond the tool plate, and its inertia (owd `WAM.cc`, btclient `WAM7.conf`).

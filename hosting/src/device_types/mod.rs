@@ -3,12 +3,11 @@
 //! A device type is one line in [`DEVICE_TYPES`]: its name, the names that stock has for it, a
 //! description, the wrapper with which `yarp dev` serves it, and the function that opens it.
 
-mod analog_sensor;
-mod analog_sensors;
+mod analog_sensor_devices;
 mod arms;
 mod attached_server;
 mod barrett_hand;
-mod battery;
+mod battery_devices;
 mod board_remapper;
 mod board_server;
 mod calibrator;
@@ -16,6 +15,7 @@ mod camera_devices;
 mod cartesian_devices;
 mod fake_motion_control;
 mod local_device;
+mod multiple_analog_sensors_devices;
 mod remote_board;
 
 use yarp_ports::Network;
@@ -61,13 +61,13 @@ pub const BUNDLER: &str = "deviceBundler";
 pub const DEVICE_TYPES: &[DeviceType] = &[
     device_type("controlBoard_nws_yarp", &[], "serves joints on ports; name, period in seconds", None, |opening| Box::pin(board_server::open(opening))),
     device_type("controlboardwrapper2", &[], "the same with stock's old parameters; name, period in milliseconds, networks and joints for several devices", None, |opening| Box::pin(board_server::open_old(opening))),
-    device_type("analogServer", &[], "serves a sensor of several channels as YARP 3.x; name, period in milliseconds, ports, sensor", None, |opening| Box::pin(analog_sensor::server(opening))),
-    device_type("analogsensorclient", &[], "a sensor of several channels served by another program, as YARP 3.x; remote, local, carrier", None, |opening| Box::pin(analog_sensor::remote(opening))),
+    device_type("analogServer", &[], "serves a sensor of several channels as YARP 3.x; name, period in milliseconds, ports, sensor", None, |opening| Box::pin(analog_sensor_devices::server(opening))),
+    device_type("analogsensorclient", &[], "a sensor of several channels served by another program, as YARP 3.x; remote, local, carrier", None, |opening| Box::pin(analog_sensor_devices::remote(opening))),
     device_type("barrettHand", &[], "a BarrettHand on a serial port as axes: three fingers and the spread; serial, baud", Some(SERVER), |opening| Box::pin(barrett_hand::open(opening))),
-    device_type("batteryClient", &[], "a battery served by another program as in YARP 3.5; remote, local", None, |opening| Box::pin(battery::remote(opening, BatteryLayout::Wrapper))),
-    device_type("batteryWrapper", &[], "serves a battery on ports as in YARP 3.5; name, period in seconds", None, |opening| Box::pin(battery::server(opening, BatteryLayout::Wrapper))),
-    device_type("battery_nwc_yarp", &[], "a battery served by another program; remote, local, carrier", None, |opening| Box::pin(battery::remote(opening, BatteryLayout::Nws))),
-    device_type("battery_nws_yarp", &[], "serves a battery on ports; name, period in seconds", None, |opening| Box::pin(battery::server(opening, BatteryLayout::Nws))),
+    device_type("batteryClient", &[], "a battery served by another program as in YARP 3.5; remote, local", None, |opening| Box::pin(battery_devices::remote(opening, BatteryLayout::Wrapper))),
+    device_type("batteryWrapper", &[], "serves a battery on ports as in YARP 3.5; name, period in seconds", None, |opening| Box::pin(battery_devices::server(opening, BatteryLayout::Wrapper))),
+    device_type("battery_nwc_yarp", &[], "a battery served by another program; remote, local, carrier", None, |opening| Box::pin(battery_devices::remote(opening, BatteryLayout::Nws))),
+    device_type("battery_nws_yarp", &[], "serves a battery on ports; name, period in seconds", None, |opening| Box::pin(battery_devices::server(opening, BatteryLayout::Nws))),
     device_type("boardCalibrator", &[], "calibrates and parks boards, in actions of a robot", None, |opening| Box::pin(calibrator::open(opening))),
     device_type("canWam", &[], "a WAM arm on a CAN bus of this machine that is up; interface, homeConfirmed, zeroCalibration, payload, noGuard and others", Some(SERVER), |opening| Box::pin(arms::on_can_bus(opening))),
     device_type("cartesiancontrollerclient", &[], "a tool controlled by another program; remote, local, carrier, timeout", None, |opening| Box::pin(cartesian_devices::remote(opening))),
@@ -75,18 +75,18 @@ pub const DEVICE_TYPES: &[DeviceType] = &[
     device_type("controlboardremapper", &["controlBoardRemapper"], "several devices as one board, or a part of one; axesNames, or joints, networks and a row of four numbers for each", Some(SERVER), |opening| Box::pin(board_remapper::open(opening))),
     device_type("dynamicWam", &[], "a simulated WAM arm with masses, friction and control", Some(SERVER), |opening| Box::pin(arms::dynamic(opening))),
     device_type("embeddedWam", &[], "a WAM arm behind its embedded PC, which runs yarp wam-node; listen or connect, ports", Some(SERVER), |opening| Box::pin(arms::embedded(opening))),
-    device_type("fakeBattery", &[], "a simulated battery; capacity in Ah, current in A", Some("battery_nws_yarp"), |opening| Box::pin(battery::simulated(opening))),
+    device_type("fakeBattery", &[], "a simulated battery; capacity in Ah, current in A", Some("battery_nws_yarp"), |opening| Box::pin(battery_devices::simulated(opening))),
     device_type("fakeFrameGrabber", &[], "a simulated camera: a test pattern, an image or a video; mode, src, width, height, freq or period, mirror", Some(CAMERA_SERVER), |opening| Box::pin(camera_devices::simulated(opening))),
     device_type("fakeMotionControl", &[], "simulated joints of any number; GENERAL::Joints, GENERAL::AxisName, GENERAL::AxisType, LIMITS::Min, LIMITS::Max", Some(SERVER), |opening| Box::pin(fake_motion_control::open(opening))),
     device_type("remote_controlboard", &["controlBoard_nwc_yarp"], "joints served by another program; remote, local, carrier, timeout", None, |opening| Box::pin(remote_board::open(opening))),
     device_type("frameGrabber_nwc_yarp", &[], "a camera served by another program; remote, local, stream, no_stream", None, |opening| Box::pin(camera_devices::remote(opening))),
     device_type("frameGrabber_nws_yarp", &[], "serves a camera on ports; name, period in seconds, capabilities", None, |opening| Box::pin(camera_devices::server(opening))),
     device_type("grabber", &["grabberDual"], "the same with the old names; name, period in milliseconds", None, |opening| Box::pin(camera_devices::old_server(opening))),
-    device_type("multipleanalogsensorsclient", &[], "sensors served by another program; remote, local, carrier, timeout", None, |opening| Box::pin(analog_sensors::remote(opening))),
-    device_type("multipleanalogsensorsremapper", &[], "sensors of several devices as one; ThreeAxisGyroscopesNames and so on, a list of names for each kind", None, |opening| Box::pin(analog_sensors::remapper(opening))),
-    device_type("multipleanalogsensorsserver", &[], "serves sensors on ports; name, period in milliseconds, measure_lists 10 or 12", None, |opening| Box::pin(analog_sensors::server(opening))),
+    device_type("multipleanalogsensorsclient", &[], "sensors served by another program; remote, local, carrier, timeout", None, |opening| Box::pin(multiple_analog_sensors_devices::remote(opening))),
+    device_type("multipleanalogsensorsremapper", &[], "sensors of several devices as one; ThreeAxisGyroscopesNames and so on, a list of names for each kind", None, |opening| Box::pin(multiple_analog_sensors_devices::remapper(opening))),
+    device_type("multipleanalogsensorsserver", &[], "serves sensors on ports; name, period in milliseconds, measure_lists 10 or 12", None, |opening| Box::pin(multiple_analog_sensors_devices::server(opening))),
     device_type("remotecontrolboardremapper", &["remoteControlBoardRemapper"], "boards served by other programs as one; axesNames, remoteControlBoards, localPortPrefix, REMOTE_CONTROLBOARD_OPTIONS", Some(SERVER), |opening| Box::pin(board_remapper::open_remote(opening))),
-    device_type("simulatedSensors", &[], "an IMU and a force/torque sensor on the arm it attaches to, or on one of its own; imu, ft, frame, mass, centre, copies", Some(SENSOR_SERVER), |opening| Box::pin(analog_sensors::simulated(opening))),
+    device_type("simulatedSensors", &[], "an IMU and a force/torque sensor on the arm it attaches to, or on one of its own; imu, ft, frame, mass, centre, copies", Some(SENSOR_SERVER), |opening| Box::pin(multiple_analog_sensors_devices::simulated(opening))),
     device_type("simulatedWam", &[], "a simulated WAM arm that moves exactly as commanded", Some(SERVER), |opening| Box::pin(arms::ideal(opening))),
 ];
 

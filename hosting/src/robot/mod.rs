@@ -16,9 +16,9 @@
 mod checks;
 mod description_files;
 mod device_parameters;
-mod error;
 mod include_tags;
 mod lifecycle;
+mod robot_error;
 mod targets;
 mod tolerant_xml;
 mod toml_description;
@@ -33,8 +33,8 @@ use yarp_wire::Value;
 use yarp_wire::settings::{Origin, Settings};
 
 pub use checks::Problem;
-pub use error::RobotError;
 pub use lifecycle::{Progress, RunningRobot};
+pub use robot_error::RobotError;
 
 /// Description of a robot.
 #[derive(Clone, Debug, PartialEq)]

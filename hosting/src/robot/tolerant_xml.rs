@@ -408,4 +408,4 @@ fn is_white(c: char) -> bool {
 }
 
 #[cfg(test)]
-mod tests;
+mod tolerant_xml_tests;

@@ -4,7 +4,7 @@
 //! answers queries. A change is tried on a draft of the copy and written in one transaction, on the
 //! condition that no other server has written since (`commit_writer`); if one has, the draft
 //! applies that commit and the request is tried again. So all servers together process one request
-//! after the other, like a single server; the rest is in `request_handler`.
+//! after the other, like a single server; the rest is in `name_request_handler`.
 //!
 //! | file | content |
 //! | --- | --- |

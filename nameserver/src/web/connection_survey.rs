@@ -11,8 +11,8 @@ use yarp_ports::{Endpoint, Network};
 use yarp_wire::name_service::Registration;
 
 use super::port_query::{self, ConnectionCounters, PortReport, Process};
+use crate::name_request_handler::RequestHandler;
 use crate::prober::probe_connected;
-use crate::request_handler::RequestHandler;
 
 /// Settings of the survey.
 #[derive(Clone, Debug)]

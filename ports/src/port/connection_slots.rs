@@ -19,8 +19,8 @@ use super::dedicated_thread::ConnectionControl;
 use super::port_context::is_port;
 use super::send_queue::SendQueue;
 use crate::error::PortError;
-use crate::limits;
 use crate::network::Network;
+use crate::port_limits;
 
 /// Interval between two rounds of questions about ports.
 const ASK_INTERVAL: Duration = Duration::from_secs(1);
@@ -123,7 +123,7 @@ impl ConnectionSlots {
         control: &ConnectionControl,
         due: Option<Instant>,
     ) -> Option<ConnectionSlot> {
-        self.admit_up_to(limits::connections(), control, due)
+        self.admit_up_to(port_limits::connections(), control, due)
     }
 
     fn admit_up_to(
@@ -157,7 +157,7 @@ impl ConnectionSlots {
 
     /// Returns whether somebody should call [`ask_about_peers`] now: most places are taken by ports.
     pub(super) fn wants_to_know(&self, now: Instant) -> bool {
-        self.wants_to_know_of(limits::connections(), now)
+        self.wants_to_know_of(port_limits::connections(), now)
     }
 
     fn wants_to_know_of(&self, most: usize, now: Instant) -> bool {
@@ -349,7 +349,7 @@ impl ConnectionSlot {
 
     /// Takes note that messages come in datagrams, from a writer that is not known yet; tells whether there is room.
     pub(super) fn sends_datagrams(&mut self) -> bool {
-        let most = limits::datagram_inputs();
+        let most = port_limits::datagram_inputs();
         {
             let mut state = self.slots.state();
             while state.datagrams >= most {

@@ -17,9 +17,9 @@ use super::port_options::ConnectionChange;
 use super::socket_handle::SocketHandle;
 use crate::cancel::join;
 use crate::error::PortError;
-use crate::limits::{BAD_CONNECTION_LOG_INTERVAL, BAD_CONNECTION_LOG_LINES};
 use crate::log_text::{LogLimit, printable};
 use crate::network::Endpoint;
+use crate::port_limits::{BAD_CONNECTION_LOG_INTERVAL, BAD_CONNECTION_LOG_LINES};
 use crate::remote_admin;
 use crate::udp_socket;
 

@@ -16,8 +16,8 @@ use super::port_context::PortContext;
 use super::port_options::Outputs;
 use crate::available_carriers;
 use crate::error::{PortError, resolve};
-use crate::limits;
 use crate::network::Endpoint;
+use crate::port_limits;
 use crate::roles::{self, Peer, Right};
 use crate::version_probe;
 
@@ -175,7 +175,7 @@ impl Connector {
             );
             return Err(PortError::NotAllowed { text });
         }
-        let most = limits::outputs();
+        let most = port_limits::outputs();
         match self.connections.outputs().len() < most {
             true => Ok(()),
             false => Err(PortError::NotAllowed {

@@ -20,8 +20,8 @@ use super::connection_slots::KnownWriter;
 use super::counters::Meter;
 use super::port_context::PortContext;
 use crate::error::PortError;
-use crate::limits::UNKNOWN_WRITER_INTERVALS;
 use crate::network::Endpoint;
+use crate::port_limits::UNKNOWN_WRITER_INTERVALS;
 use crate::remote_admin;
 
 /// The longest pause after a question that was not answered as it should be.

@@ -11,7 +11,7 @@ use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
-use crate::limits::EXPANSION_BUDGET;
+use crate::port_limits::EXPANSION_BUDGET;
 
 /// Quality of encoded images, of 100; the default of most JPEG encoders.
 const QUALITY: u8 = 75;

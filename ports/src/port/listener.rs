@@ -19,9 +19,9 @@ use super::parts::Parts;
 use super::port_options::PortOptions;
 use crate::cancel::join;
 use crate::error::PortError;
-use crate::limits::{self, ACCEPT_LOG_INTERVAL};
 use crate::log_text::LogLimit;
 use crate::network::{Endpoint, Network};
+use crate::port_limits::{self, ACCEPT_LOG_INTERVAL};
 use crate::socket;
 
 /// Maximum number of TCP ports tried if the assigned one is used by a program that the name server
@@ -157,7 +157,7 @@ pub(super) async fn listen(parts: Arc<Parts>, listener: TcpListener) {
                     let now = Instant::now();
                     let (control, control_receiver) = ConnectionControl::new();
                     // A port with limits of its own has its own times.
-                    let due = table.is_none().then(|| now + limits::header_timeout());
+                    let due = table.is_none().then(|| now + port_limits::header_timeout());
                     let slots = connection_slots::process();
                     let slot = slots.admit(&control, due);
                     if slots.wants_to_know(now) {
@@ -233,7 +233,7 @@ fn log_no_slot(parts: &Parts, refusals: &LogLimit, address: IpAddr) {
             port = %parts.context.name, %address,
             "refusing a connection from {address}: all {} connections of this process are in use by ports; \
              raise `ulimit -n`{more}",
-            limits::connections(),
+            port_limits::connections(),
         );
     }
 }

@@ -236,7 +236,7 @@ impl PortOptions {
     }
 
     /// Ends connections that are silent for too long, and the most silent ones when there are too
-    /// many. Without it the limits of the process hold alone ([`limits`](crate::limits)): a port waits for whoever has
+    /// many. Without it the limits of the process hold alone ([`limits`](crate::port_limits)): a port waits for whoever has
     /// sent a header, as in stock, until there are too many connections.
     pub fn connection_limits(mut self, limits: ConnectionLimits) -> Self {
         self.connection_limits = Some(limits);

@@ -10,9 +10,9 @@
 //! A server may have several such pairs, each for a range of channels. Source: `AnalogWrapper.cpp` and
 //! `AnalogSensorClient.cpp` of YARP 3.5.
 
-mod client;
+mod analog_sensor_client;
+mod analog_sensor_server;
 mod requests;
-mod server;
 
-pub use client::{RemoteAnalogSensor, RemoteAnalogSensorOptions};
-pub use server::{AnalogSensorOptions, AnalogSensorServer};
+pub use analog_sensor_client::{RemoteAnalogSensor, RemoteAnalogSensorOptions};
+pub use analog_sensor_server::{AnalogSensorOptions, AnalogSensorServer};

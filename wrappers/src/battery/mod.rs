@@ -12,21 +12,21 @@
 //! | file | content |
 //! | --- | --- |
 //! | `layout` | the numbers of a reading in a message |
-//! | `server` | [`BatteryServer`]: a battery on two ports |
-//! | `client` | [`RemoteBattery`]: the battery at the other end |
+//! | `battery_server` | [`BatteryServer`]: a battery on two ports |
+//! | `battery_client` | [`RemoteBattery`]: the battery at the other end |
 //!
 //! Source: `BatteryWrapper.cpp` and `BatteryClient.cpp` of 3.5.0, `Battery_nws_yarp.cpp`, `Battery_nwc_yarp.cpp` and
 //! `BatteryData.thrift` of 3.12.3 and 4.0.0.
 
-mod client;
+mod battery_client;
+mod battery_server;
 mod layout;
-mod server;
 
 use yarp_wire::Vocab32;
 
-pub use client::RemoteBattery;
+pub use battery_client::RemoteBattery;
+pub use battery_server::{BatteryServer, BatteryServerOptions};
 pub use layout::BatteryLayout;
-pub use server::{BatteryServer, BatteryServerOptions};
 
 const BATTERY: Vocab32 = Vocab32::new("ibat");
 const INFO: Vocab32 = Vocab32::new("btnf");

@@ -18,10 +18,10 @@
 //! | `client` | [`RemoteControlBoard`]: the remote device |
 
 mod client;
-mod error;
 pub mod messages;
+mod open_error;
 mod server;
 
 pub use client::{RemoteControlBoard, RemoteControlBoardOptions, RemoteMotion};
-pub use error::OpenError;
+pub use open_error::OpenError;
 pub use server::{ControlBoardOptions, ControlBoardServer};

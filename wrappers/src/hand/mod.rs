@@ -3,8 +3,8 @@
 //! | file | content |
 //! | --- | --- |
 //! | [`messages`] | messages: words that a person can type |
-//! | `server` | [`HandServer`]: a hand on a port |
-//! | `client` | [`RemoteHand`]: the remote hand |
+//! | `hand_server` | [`HandServer`]: a hand on a port |
+//! | `hand_client` | [`RemoteHand`]: the remote hand |
 //!
 //! No stock interface is like it (section 5.5.1 of the thesis), so the words are ours. Its motors are also a control board,
 //! which stock's tools can move: that is [`ControlBoardServer`](crate::ControlBoardServer)'s.
@@ -13,12 +13,12 @@
 //! abort comes over another connection, and ends every motion that was requested before it, also one that has not
 //! begun.
 
-mod client;
+mod hand_client;
+mod hand_server;
 pub mod messages;
-mod server;
 
-pub use client::{RemoteHand, RemoteHandOptions};
-pub use server::HandServer;
+pub use hand_client::{RemoteHand, RemoteHandOptions};
+pub use hand_server::HandServer;
 
 /// Suffix of the port of a hand.
 const RPC_PORT: &str = "hand/rpc:i";

@@ -14,7 +14,7 @@ use bytes::{BufMut, Bytes, BytesMut};
 
 use super::scanner::{Scan, Scanner};
 use super::{Bottle, Value};
-use crate::limits::Limits;
+use crate::message_limits::Limits;
 use crate::vocab::{Vocab32, Vocab64};
 use crate::wire_version::WireVersion;
 

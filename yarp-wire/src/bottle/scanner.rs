@@ -3,7 +3,7 @@
 use smallvec::SmallVec;
 
 use super::binary_form::{Code, DecodeError};
-use crate::limits::Limits;
+use crate::message_limits::Limits;
 use crate::ready::Ready;
 use crate::wire_version::WireVersion;
 

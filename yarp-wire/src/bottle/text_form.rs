@@ -9,7 +9,7 @@ use std::str::FromStr;
 use bytes::{BufMut, Bytes, BytesMut};
 
 use super::{Bottle, Text, Value, number_text, parse};
-use crate::limits::Limits;
+use crate::message_limits::Limits;
 use crate::vocab::{Vocab32, Vocab64};
 
 /// The reason why text is not a bottle. Stock takes any text; this parser refuses only unbounded

@@ -5,8 +5,8 @@ use bytes::{BufMut, BytesMut};
 use super::{Carrier, Sender, Transport};
 use crate::connection::unreadable;
 use crate::http::{RequestReader, Service, html_page};
-use crate::limits::Limits;
 use crate::message::{Command, WireObject};
+use crate::message_limits::Limits;
 use crate::protocol::{
     AnonymousHandshake, HandshakeDecoder, Incoming, MessageDecoder, PayloadKind, Protocol,
     ProtocolError, ReplyDecoder, TextReplyDecoder,

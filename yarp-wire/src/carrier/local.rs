@@ -4,8 +4,8 @@
 use bytes::BytesMut;
 
 use super::{Carrier, Sender, Transport};
-use crate::limits::Limits;
 use crate::message::Command;
+use crate::message_limits::Limits;
 use crate::protocol::{
     Handshake, HandshakeDecoder, MessageDecoder, PayloadKind, Protocol, ProtocolError,
     ReplyDecoder, UNINDEXED,

@@ -5,8 +5,8 @@ use std::net::{Ipv4Addr, SocketAddrV4};
 use bytes::{Buf, BufMut, BytesMut};
 
 use super::{Carrier, MAGIC, Sender, Transport, specifier};
-use crate::limits::Limits;
 use crate::message::Command;
+use crate::message_limits::Limits;
 use crate::protocol::{
     BinaryHandshakeDecoder, Handshake, HandshakeDecoder, INDEXED, MessageDecoder, PayloadKind,
     Protocol, ProtocolError, ReplyDecoder, indexed_answers,

@@ -4,8 +4,8 @@ use bytes::{BufMut, BytesMut};
 
 use super::{Carrier, Sender, Transport};
 use crate::http::{RequestReader, Service};
-use crate::limits::Limits;
 use crate::message::Command;
+use crate::message_limits::Limits;
 use crate::mjpeg;
 use crate::protocol::{
     Handshake, HandshakeDecoder, Incoming, InitiatorState, MessageDecoder, PayloadKind, Progress,

@@ -3,8 +3,8 @@
 use bytes::{Buf, BufMut, BytesMut};
 
 use super::{Carrier, MAGIC, Sender, Transport};
-use crate::limits::Limits;
 use crate::message::{Command, Form, Payload};
+use crate::message_limits::Limits;
 use crate::protocol::{
     AnonymousHandshake, HandshakeDecoder, Incoming, LineReader, Message, MessageDecoder,
     PayloadKind, Protocol, ProtocolError, ReplyDecoder, TextReplyDecoder,

@@ -4,8 +4,8 @@ use bytes::{BufMut, Bytes, BytesMut};
 
 use super::{Carrier, Sender, Transport};
 use crate::http::{RequestReader, Service};
-use crate::limits::Limits;
 use crate::message::{Command, Form, Payload, WireObject};
+use crate::message_limits::Limits;
 use crate::protocol::{
     Handshake, HandshakeDecoder, Incoming, InitiatorState, Message, MessageDecoder, PayloadKind,
     Progress, Protocol, ProtocolError, ReplyDecoder, UNINDEXED, UnindexedMessageDecoder,

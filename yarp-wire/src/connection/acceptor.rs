@@ -9,8 +9,8 @@ use super::{Initiator, put_acknowledgement};
 use crate::bottle::detect;
 use crate::carrier::{Carrier, MAGIC, Sender};
 use crate::http::{Admission, Gate, Head, HeadSearch, Request, Response, Service};
-use crate::limits::Limits;
 use crate::message::{Command, Form, WireObject};
+use crate::message_limits::Limits;
 use crate::protocol::{
     Handshake, HandshakeDecoder, Incoming, Message, MessageDecoder, ProtocolError,
 };

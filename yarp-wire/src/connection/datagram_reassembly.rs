@@ -3,7 +3,7 @@
 use bytes::BytesMut;
 
 use crate::datagram;
-use crate::limits::Limits;
+use crate::message_limits::Limits;
 use crate::protocol::{IndexedMessageDecoder, Message, ProtocolError};
 use crate::ready::Ready;
 use crate::wire_version::WireVersion;

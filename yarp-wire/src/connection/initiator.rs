@@ -5,8 +5,8 @@ use std::collections::VecDeque;
 use bytes::BytesMut;
 
 use crate::carrier::{Carrier, Sender};
-use crate::limits::Limits;
 use crate::message::{Command, WireObject};
+use crate::message_limits::Limits;
 use crate::protocol::{InitiatorState, PendingReply, Progress, ProtocolError, ReplyDecoder};
 use crate::ready::Ready;
 use crate::wire_version::WireVersion;

@@ -1,6 +1,6 @@
 //! The head of a request: its first line and its headers.
 
-use crate::limits::Limits;
+use crate::message_limits::Limits;
 use crate::protocol::ProtocolError;
 use crate::ready::Ready;
 

@@ -4,7 +4,7 @@ use bytes::BytesMut;
 
 use super::{Admission, Head, HeadSearch};
 use crate::connection::ProtocolError;
-use crate::limits::Limits;
+use crate::message_limits::Limits;
 use crate::ready::Ready;
 
 /// A request for a page.

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use bytes::{Bytes, BytesMut};
 
 use crate::bottle::{Bottle, DecodeError, detect};
-use crate::limits::Limits;
 use crate::message::Pieces;
+use crate::message_limits::Limits;
 use crate::wire_version::WireVersion;
 
 /// The form of a payload as received.

@@ -3,8 +3,8 @@
 use bytes::{BufMut, Bytes, BytesMut};
 
 use crate::bottle::{Bottle, DecodeError};
-use crate::limits::Limits;
 use crate::message::{Payload, Pieces};
+use crate::message_limits::Limits;
 use crate::wire_version::WireVersion;
 
 /// Something that can be sent and read: a [`Bottle`], a vector, a struct of your own.

@@ -2,7 +2,7 @@
 
 use bytes::{Buf, Bytes, BytesMut};
 
-use crate::limits::Limits;
+use crate::message_limits::Limits;
 use crate::ready::Ready;
 
 /// One part of a response.

@@ -7,7 +7,7 @@
 
 use crate::{Bottle, Value};
 
-use super::arguments::{Arguments, text_of};
+use super::command_arguments::{Arguments, text_of};
 use super::registering::{LeaseHolder, RegisterRequest};
 use super::rules::{Kind, Needs, Rules};
 

@@ -19,8 +19,8 @@
 //! ```
 
 mod answer_reader;
-mod arguments;
 mod command;
+mod command_arguments;
 mod name_request;
 mod registering;
 mod registration;

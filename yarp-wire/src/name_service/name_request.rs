@@ -4,8 +4,8 @@ use crate::bottle::TextError;
 use crate::{Bottle, Value};
 
 use super::PREFIX;
-use super::arguments::Arguments;
 use super::command::Command;
+use super::command_arguments::Arguments;
 
 /// One request to the name server.
 #[derive(Clone, Debug, PartialEq)]

@@ -9,8 +9,8 @@ use super::{
 use crate::bottle::{DecodeError, Scan, Scanner};
 use crate::carrier::{Carrier, MAGIC, Sender};
 use crate::framed_number;
-use crate::limits::Limits;
 use crate::message::{Form, Payload};
+use crate::message_limits::Limits;
 use crate::ready::Ready;
 
 /// Longest sender name, modifiers included. Stock reads 1000.

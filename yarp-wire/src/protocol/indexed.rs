@@ -9,8 +9,8 @@ use super::{
 };
 use crate::carrier::{Carrier, Sender, Transport};
 use crate::framed_number;
-use crate::limits::Limits;
 use crate::message::{Command, Form, Index, Payload};
+use crate::message_limits::Limits;
 use crate::ready::Ready;
 use crate::wire_version::WireVersion;
 

@@ -24,8 +24,8 @@ use bytes::BytesMut;
 
 use crate::carrier::{Carrier, Sender};
 use crate::http::{Request, Service};
-use crate::limits::Limits;
 use crate::message::{Command, Payload, WireObject};
+use crate::message_limits::Limits;
 use crate::ready::Ready;
 use crate::wire_version::WireVersion;
 

@@ -9,8 +9,8 @@ use super::{
 };
 use crate::bottle::BracketBalance;
 use crate::carrier::{Carrier, MAGIC, Sender};
-use crate::limits::Limits;
 use crate::message::{Command, Form, Payload};
+use crate::message_limits::Limits;
 use crate::ready::Ready;
 use crate::wire_version::WireVersion;
 

@@ -10,8 +10,8 @@ use super::{
 };
 use crate::bottle::{Scan, Scanner};
 use crate::carrier::{Carrier, Sender};
-use crate::limits::Limits;
 use crate::message::{Command, Form, Payload};
+use crate::message_limits::Limits;
 use crate::ready::Ready;
 use crate::wire_version::WireVersion;
 

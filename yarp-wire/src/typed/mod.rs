@@ -23,11 +23,11 @@ mod pixel;
 mod pixel_conversion;
 mod prefix_reader;
 mod property_message;
-mod record;
 mod sound;
 mod sound_layout;
 mod stamp_message;
 mod typed_image;
+mod typed_record;
 mod vector_of;
 
 pub use element::Element;
@@ -37,10 +37,10 @@ pub use pair::Pair;
 pub use pixel::PixelCode;
 pub use prefix_reader::{ReadPrefix, read_whole};
 pub use property_message::Property;
-pub use record::{Field, Record};
 pub use sound::{Sound, SoundError, SoundMarker};
 pub use sound_layout::{SoundLayout, SoundMessage};
 pub use typed_image::{Image, ImageError};
+pub use typed_record::{Field, Record};
 pub use vector_of::VectorOf;
 
 /// Items that the expansion of [`wire_struct!`](crate::wire_struct) uses.

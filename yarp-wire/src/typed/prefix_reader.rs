@@ -3,7 +3,7 @@
 use bytes::{Buf, Bytes};
 
 use crate::bottle::{Bottle, DecodeError};
-use crate::limits::Limits;
+use crate::message_limits::Limits;
 use crate::wire_version::WireVersion;
 
 /// An object whose own bytes determine its end, so that it can be part of a message.

@@ -8,7 +8,7 @@ use yarp_vision::calibration::{
     CalibrationError, CalibrationFile, IntrinsicsEstimate, MIN_IMAGES, calibrate_intrinsics, detect,
 };
 
-use super::{Args, failed, report};
+use super::{Args, calibration_output, failed};
 use crate::commands::code;
 use crate::error::Result;
 
@@ -68,7 +68,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Result<ExitCode> {
     let passed = found.rms <= target;
     if args.json {
         let row = row(&found, &names, &not_found, given);
-        let row = report::with_target(row, target, passed);
+        let row = calibration_output::with_target(row, target, passed);
         writeln!(out, "{row}")?;
     } else {
         print(&found, &names, &not_found, out)?;
@@ -89,7 +89,7 @@ fn row(found: &IntrinsicsEstimate, names: &[String], not_found: &[String], given
         "used": found.used.len(),
         "rms_pixels": found.rms,
         "rms": found.rms,
-        "intrinsics": report::intrinsics(&found.intrinsics),
+        "intrinsics": calibration_output::intrinsics(&found.intrinsics),
         "standard_deviations": found.deviations,
         "per_image": named(&found.used),
         "rejected": named(&found.rejected),

@@ -1,8 +1,8 @@
 //! `yarp calibrate`: intrinsic parameters of a camera, and its pose relative to an arm.
 
+mod calibrated_robot;
+mod calibration_output;
 mod images;
-mod report;
-mod robot;
 #[cfg(all(unix, feature = "table"))]
 mod simulated;
 
@@ -110,5 +110,5 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         let problem = "this program was built without the feature `table`".to_owned();
         return Err(failed(CalibrationError::File { path, problem }));
     }
-    robot::run(args, out).await
+    calibrated_robot::run(args, out).await
 }

@@ -22,8 +22,8 @@ use yarp_wrappers::{
     ControlBoardOptions, ControlBoardServer, FrameGrabberOptions, FrameGrabberServer,
 };
 
-use super::robot::{Calibrated, connect, nominal};
-use super::{Args, failed, report};
+use super::calibrated_robot::{Calibrated, connect, nominal};
+use super::{Args, calibration_output, failed};
 use crate::commands::code;
 use crate::error::Result;
 
@@ -71,12 +71,16 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     // Joins its threads, which is no work for the executor.
     let _ = tokio::task::spawn_blocking(move || drop(table)).await;
     let (found, mut row, passed) = found.map_err(failed)?;
-    report::write_files(&args, &found)?;
+    calibration_output::write_files(&args, &found)?;
     if args.json {
-        row = report::with_target(row, args.target.unwrap_or(report::TARGET), passed);
+        row = calibration_output::with_target(
+            row,
+            args.target.unwrap_or(calibration_output::TARGET),
+            passed,
+        );
         writeln!(out, "{row}")?;
     } else {
-        report::print(&found, out)?;
+        calibration_output::print(&found, out)?;
         for name in ["held_out_rms_mm", "truth_rms_mm", "unsorted_rms_mm"] {
             writeln!(out, "{name}: {}", row[name])?;
         }
@@ -174,7 +178,7 @@ fn evaluate(
         .as_ref()
         .map(|estimate| estimate.intrinsics);
     let two_steps = calibrate(pattern, size, &views, &fixed)?;
-    let mut row = report::row(&found);
+    let mut row = calibration_output::row(&found);
     row["seed"] = json!(args.seed);
     row["count"] = json!(count);
     row["images"] = json!(all);
@@ -194,7 +198,7 @@ fn evaluate(
         .back_projection
         .max(held_out_error)
         .max(truth_error);
-    let passed = worst <= args.target.unwrap_or(report::TARGET);
+    let passed = worst <= args.target.unwrap_or(calibration_output::TARGET);
     Ok((found, row, passed))
 }
 

@@ -5,8 +5,8 @@
 //! a number of its own: as a reply, or over a connection of its own after `start SIZE 0`. `stop`
 //! ends a test, `quit` the server (stock 3.5.0).
 
-mod client;
-mod server;
+mod latency_client;
+mod latency_server;
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -63,14 +63,14 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         return Ok(ExitCode::from(EXIT_FAILED));
     }
     if options.has("server") {
-        return server::serve(&options, out).await;
+        return latency_server::serve(&options, out).await;
     }
     let complaint = if !options.has("client") {
         "Missing option. Use --help"
     } else if !options.has("nframes") {
         "Missing mandatory parameter nframes. See available options with yarp latency-test"
     } else if let Some(sizes) = Sizes::of(&options) {
-        return client::measure(&options, &sizes, out).await;
+        return latency_client::measure(&options, &sizes, out).await;
     } else {
         "Syntax error. See available options with yarp latency-test"
     };

@@ -1,7 +1,7 @@
 //! `yarp plan`: collision-free motions of the arm.
 
 #[cfg(feature = "table")]
-mod evaluate;
+mod plan_evaluation;
 
 use std::fs::File;
 use std::io::{Read, Write};
@@ -43,7 +43,7 @@ enum Action {
     },
     /// Plan in random cluttered scenes and check each path with the physics engine; exit code 1 below target
     #[cfg(feature = "table")]
-    Evaluate(evaluate::Args),
+    Evaluate(plan_evaluation::Args),
 }
 
 /// Error of `yarp plan`.
@@ -77,7 +77,7 @@ pub(super) fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     match args.action {
         Action::Solve { scene, json } => solve(&scene, json, out),
         #[cfg(feature = "table")]
-        Action::Evaluate(args) => evaluate::run(&args, out),
+        Action::Evaluate(args) => plan_evaluation::run(&args, out),
     }
 }
 

@@ -1,6 +1,6 @@
 //! `yarp run`: commands on other machines, as stock's `yarprun` has them. Linux only.
 //!
-//! A server (`server`) waits on a port for whoever wants a command started, asked about or ended (`client`); what is
+//! A server (`run_server`) waits on a port for whoever wants a command started, asked about or ended (`run_client`); what is
 //! said there is stock's, seen between peers of 3.5.0:
 //!
 //! | request | reply |
@@ -22,11 +22,11 @@
 //! so also a server that was killed leaves nothing behind. What a command makes independent of its group
 //! (`setsid`) is on its own.
 
-mod client;
 mod launch;
 mod orphan_guard;
 mod process_table;
-mod server;
+mod run_client;
+mod run_server;
 
 use std::fmt::Display;
 use std::io::Write;
@@ -103,10 +103,10 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     }
     if let Some(name) = options.text("server") {
-        return server::serve(&name, &options, out).await;
+        return run_server::serve(&name, &options, out).await;
     }
-    match client::RunRequest::of(&options) {
-        Ok(Some(wish)) => client::ask(&wish, &options, out).await,
+    match run_client::RunRequest::of(&options) {
+        Ok(Some(wish)) => run_client::ask(&wish, &options, out).await,
         Ok(None) => {
             note(USAGE);
             Ok(ExitCode::SUCCESS)

@@ -2,9 +2,9 @@
 
 mod detect;
 #[cfg(feature = "table")]
-mod evaluate;
+mod vision_evaluation;
 #[cfg(feature = "table")]
-mod select;
+mod vision_selection;
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -24,10 +24,10 @@ enum Action {
     Detect(detect::Args),
     /// Compare detections on random simulated tables with the truth; exits with 1 below the targets
     #[cfg(feature = "table")]
-    Evaluate(evaluate::Args),
+    Evaluate(vision_evaluation::Args),
     /// Select the detector's parameters by ROC curves on training tables, with results on a test split
     #[cfg(feature = "table")]
-    Select(select::Args),
+    Select(vision_selection::Args),
 }
 
 fn failed(error: impl std::error::Error + Send + Sync + 'static) -> Failure {
@@ -38,8 +38,8 @@ pub(super) fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     match args.action {
         Action::Detect(args) => detect::run(args, out),
         #[cfg(feature = "table")]
-        Action::Evaluate(args) => evaluate::run(args, out),
+        Action::Evaluate(args) => vision_evaluation::run(args, out),
         #[cfg(feature = "table")]
-        Action::Select(args) => select::run(args, out),
+        Action::Select(args) => vision_selection::run(args, out),
     }
 }

@@ -19,7 +19,7 @@ use yarp_planning::PlanError;
 use crate::grasp::{Grasp, GraspOptions};
 use crate::item::Item;
 use crate::posture::{PostureError, PostureSolver};
-use crate::stop::{Stop, StopRequest};
+use crate::stop_request::{Stop, StopRequest};
 use crate::surroundings::{Container, Surroundings};
 use crate::workcell::{Workcell, WorkcellError};
 

@@ -3,7 +3,7 @@
 use yarp_devices::kinematics::Joints;
 
 use super::CollisionModel;
-use super::model::Travels;
+use super::collision_model::Travels;
 
 /// Smallest part of a motion that a check advances by.
 ///

@@ -6,8 +6,8 @@
 //! proves a whole interval of the motion free.
 
 mod arm_geometry;
+mod collision_model;
 mod continuous;
-mod model;
 
 pub use arm_geometry::{ArmGeometry, LinkSphere};
-pub use model::{CollisionModel, Contact, MARGIN};
+pub use collision_model::{CollisionModel, Contact, MARGIN};

@@ -6,8 +6,8 @@ use opencv::imgproc::{
     TM_CCOEFF_NORMED, gaussian_blur_def, good_features_to_track, match_template_def,
 };
 
+use super::calibration_error::at;
 use super::chessboard::check_light;
-use super::error::at;
 use super::{CalibrationError, Result};
 use crate::{Image, Intrinsics, mat};
 

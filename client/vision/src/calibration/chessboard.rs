@@ -12,7 +12,7 @@ use opencv::core::{
 };
 use opencv::imgproc::corner_sub_pix;
 
-use super::error::at;
+use super::calibration_error::at;
 use super::{CalibrationError, Pattern, Result};
 use crate::{Image, mat};
 

@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use opencv::calib3d::{HandEyeCalibrationMethod, calibrate_hand_eye};
 use opencv::core::{Mat, MatTraitConst, Vector};
 
-use super::error::at;
+use super::calibration_error::at;
 use super::transforms::{nearest_rotation, rotation_vector};
 use super::{CalibrationError, HandEye, Result, View};
 use crate::{CameraModel, Intrinsics, Pose};

@@ -5,43 +5,47 @@
 //! | file | content |
 //! | --- | --- |
 //! | `pattern`, `chessboard` | [`Pattern`], [`detect`]: corners in a unique order |
-//! | `intrinsics` | [`calibrate_intrinsics`]: Zhang's method, rejection of bad images |
+//! | `intrinsic_calibration` | [`calibrate_intrinsics`]: Zhang's method, rejection of bad images |
 //! | `hand_eye` | [`Method`], [`solve`]: five closed forms |
 //! | `refinement`, `levenberg_marquardt` | [`refine`]: all parameters at once, errors of the arm included |
 //! | `solve` | [`calibrate`]: all of it, with rejection of bad views |
 //! | `transforms` | [`HandEye`]: equations 5 to 12 |
-//! | `report`, `figure` | [`ErrorReport`]: Tables 7 and 8, Figure 33 |
+//! | `calibration_report`, `figure` | [`ErrorReport`]: Tables 7 and 8, Figure 33 |
 //! | `files` | [`CalibrationFile`]: OpenCV's XML and YAML |
 //! | `camera_check` | [`CameraReference`]: detects a camera that has moved |
 //! | `postures`, `session` | postures that show the pattern; [`Session`]: moves the arm and takes the images |
 
+mod calibration_error;
+mod calibration_report;
 mod camera_check;
 mod chessboard;
-mod error;
 mod figure;
 mod files;
 mod hand_eye;
-mod intrinsics;
+mod intrinsic_calibration;
 mod levenberg_marquardt;
 mod pattern;
 mod postures;
 mod refinement;
-mod report;
 mod session;
 mod solve;
 mod transforms;
 
+pub use calibration_error::{CalibrationError, Result};
+pub use calibration_report::{
+    ErrorReport, PoseErrors, Spread, ViewErrors, location_error, measure,
+};
 pub use camera_check::{CameraReference, Displacement};
 pub use chessboard::{Detection, detect};
-pub use error::{CalibrationError, Result};
 pub use figure::write_figure;
 pub use files::CalibrationFile;
 pub use hand_eye::{MIN_VIEWS, Method, solve};
-pub use intrinsics::{IntrinsicsEstimate, MIN_IMAGES, calibrate_intrinsics, pattern_pose};
+pub use intrinsic_calibration::{
+    IntrinsicsEstimate, MIN_IMAGES, calibrate_intrinsics, pattern_pose,
+};
 pub use pattern::Pattern;
 pub use postures::{MIN_SINGULAR_VALUE, PostureChoice};
 pub use refinement::{Accuracy, View, refine};
-pub use report::{ErrorReport, PoseErrors, Spread, ViewErrors, location_error, measure};
 pub use session::{Session, SessionOptions, Taken, table_obstacle};
 pub use solve::{Calibration, MethodErrors, SolveOptions, calibrate, grids};
 pub use transforms::{HandEye, back_project, intrinsic_matrix};

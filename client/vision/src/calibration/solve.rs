@@ -1,10 +1,10 @@
 //! From views of a pattern to a calibration, unattended.
 
+use super::calibration_report::{ErrorReport, measure};
 use super::hand_eye::{MIN_VIEWS, Method, solve};
-use super::intrinsics::{IntrinsicsEstimate, calibrate_intrinsics, pattern_pose, worst};
+use super::intrinsic_calibration::{IntrinsicsEstimate, calibrate_intrinsics, pattern_pose, worst};
 use super::postures::Random;
 use super::refinement::refine;
-use super::report::{ErrorReport, measure};
 use super::{Accuracy, CalibrationError, HandEye, Pattern, Result, View};
 use crate::{Intrinsics, Pose};
 

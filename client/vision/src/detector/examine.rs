@@ -7,7 +7,7 @@ use opencv::core::Mat;
 
 use super::height_map::Face;
 use super::outline::{self, Outline};
-use super::print::{Print, RectifiedFace};
+use super::print_recognition::{Print, RectifiedFace};
 use super::{
     DetectorParameters, DetectorSetup, FoundObject, KindFace, ObjectDatabase, ObjectKind, refine,
 };

@@ -8,13 +8,13 @@
 //! | `height_map` | heights above the table, connected faces |
 //! | `outline` | circle, rectangle or triangle through the points of a face |
 //! | `refine` | outlines moved onto the edges of the colour image |
-//! | `print` | SIFT features of a face against prints |
+//! | `print_recognition` | SIFT features of a face against prints |
 
 mod database;
 mod examine;
 mod height_map;
 mod outline;
-mod print;
+mod print_recognition;
 mod refine;
 
 use std::sync::Mutex;
@@ -29,7 +29,7 @@ use crate::{
 };
 use examine::{Examiner, HEIGHT_TOLERANCE};
 use height_map::{DepthRays, FaceLimits, HeightMap};
-use print::Print;
+use print_recognition::Print;
 
 /// Cameras and table of a [`Detector`].
 #[derive(Clone, Debug, PartialEq)]

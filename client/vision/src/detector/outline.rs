@@ -5,7 +5,7 @@ use opencv::core::{Point2f, RotatedRect, Vector};
 use opencv::imgproc;
 
 use super::height_map::Face;
-use crate::shape::polygon_area;
+use crate::object_shape::polygon_area;
 
 /// Directions from the middle of a face in which its farthest point is looked for.
 const DIRECTIONS: usize = 72;

@@ -4,7 +4,7 @@ use opencv::core::{Point, Point2f, RotatedRect, Vector};
 use opencv::imgproc;
 
 use super::edges::Edges;
-use crate::shape::polygon_area;
+use crate::object_shape::polygon_area;
 use crate::{Detection, Polygon, Result, Shape, VisionError};
 
 /// Largest distance of an edge from a side, pixels.

@@ -11,7 +11,7 @@ use opencv::imgproc;
 use yarp_devices::image::image_file;
 
 use crate::image_source::image_paths;
-use crate::shape::polygon_area;
+use crate::object_shape::polygon_area;
 use crate::{Detection, Result, Shape, VisionError, mat};
 
 /// Maximum number of copies of one model in an image.

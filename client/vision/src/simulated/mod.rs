@@ -4,13 +4,13 @@
 //! | --- | --- |
 //! | `mod` | scenes, cameras and database of the table |
 //! | `score` | [`Evaluation`]: counts, position errors, times |
-//! | `select` | parameters selected by ROC curves on training scenes |
+//! | `parameter_selection` | parameters selected by ROC curves on training scenes |
 
+mod parameter_selection;
 mod score;
-mod select;
 
+pub use parameter_selection::{ParameterCurve, Selection, select, write_roc};
 pub use score::{Evaluation, MATCH_DISTANCE, MIN_VISIBLE, ObjectClass, Row, Targets};
-pub use select::{ParameterCurve, Selection, select, write_roc};
 
 use yarp_table::{
     BrickKind, Camera, Class, Dataset, DatasetOptions, DepthNoise, Face, GroundTruth, NoRoom,

@@ -8,7 +8,7 @@
 //! arrive at once. Requests that this version refuses (`[don]`, `[sto]`, `[rel]`) are not sent.
 //! Exits with 1 if any check failed.
 
-mod motor_checks;
+mod stock_motor_checks;
 
 use std::process::ExitCode;
 use std::time::Duration;
@@ -99,7 +99,7 @@ fn main() -> ExitCode {
         refusal(robot.position_move(Axes::One(AxisIndex::new(axes)), &[0.0])),
         |_| true,
     );
-    motor_checks::drive(&mut checks, &robot);
+    stock_motor_checks::drive(&mut checks, &robot);
     checks.exit_code()
 }
 

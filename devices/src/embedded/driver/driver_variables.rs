@@ -1,6 +1,6 @@
 //! Variables of the driver, by name, so that they can be read over a network.
 
-use super::interfaces::wordless;
+use super::driver_interfaces::wordless;
 use super::{CartesianPose, EmbeddedWam, LinkState};
 use crate::{DeviceError, RemoteVariables, VariableValue};
 

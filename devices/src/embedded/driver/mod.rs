@@ -1,10 +1,10 @@
 //! The driver: the arm as a device, at the host's end of the connection.
 
 mod cartesian_pose;
+mod driver_interfaces;
 mod driver_session;
 mod driver_state;
 mod driver_variables;
-mod interfaces;
 mod pending_requests;
 
 use std::sync::Arc;

@@ -1,8 +1,8 @@
 //! The embedded server, which runs on the arm's PC.
 
 mod line_follower;
-mod motion_completion;
 mod node_arm;
+mod node_motion_completion;
 mod node_session;
 
 use std::sync::atomic::{AtomicBool, Ordering};

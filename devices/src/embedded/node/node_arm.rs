@@ -6,7 +6,7 @@ use std::time::Instant;
 use nalgebra::{IsometryMatrix3, Translation3};
 
 use super::line_follower::{LINE_PERIOD, LineFollower};
-use super::motion_completion::{Ended, Motion};
+use super::node_motion_completion::{Ended, Motion};
 use crate::embedded::protocol::{POSE, Reply, Request};
 use crate::kinematics::{EulerXyz, Joints, Pose, Solver, SolverOptions};
 use crate::trajectory::{StraightLine, StraightLineError, StraightLineOptions};

@@ -8,8 +8,8 @@ use std::time::{Duration, Instant};
 
 use tracing::{debug, info};
 
-use super::motion_completion::Ended;
 use super::node_arm::Arm;
+use super::node_motion_completion::Ended;
 use super::{NodeOptions, Shared};
 use crate::embedded::link_error::{LinkError, LinkErrorKind};
 use crate::embedded::link_setup::{LinkConnector, SocketPair};

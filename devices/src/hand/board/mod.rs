@@ -4,7 +4,7 @@
 //! positions, some sixty times a second at 9600 bits per second. Paths come from the same [`AxesModel`] as those of
 //! the simulated arm. A grasp, or any other command of the hand's own language, interrupts that until it has ended.
 
-mod interfaces;
+mod hand_board_interfaces;
 mod position_servo;
 
 use std::fmt;

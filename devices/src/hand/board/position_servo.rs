@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use super::super::gcl::{Control, Feedback, Motor, MotorControl};
-use super::super::units;
+use super::super::hand_units;
 use super::{AXES, Measured};
 use crate::fake::AxesModel;
 use crate::{Axes, Mode};
@@ -69,8 +69,8 @@ impl PositionServo {
             let state = set_points
                 .state(motor.index().into())
                 .expect("there is an axis per motor");
-            let off = units::counts(motor, state.position) - within(motor, followed.position);
-            let ahead = units::counts(motor, state.velocity);
+            let off = hand_units::counts(motor, state.position) - within(motor, followed.position);
+            let ahead = hand_units::counts(motor, state.velocity);
             let still = ahead == 0.0 && off.abs() <= close(motor);
             let units = match still {
                 true => 0.0,
@@ -116,11 +116,11 @@ impl PositionServo {
             }
             let asked = set_points.state(motor.index().into());
             let off = asked.map_or(f64::INFINITY, |state| {
-                units::counts(motor, state.position) - within(motor, position)
+                hand_units::counts(motor, state.position) - within(motor, position)
             });
             Measured {
-                position: units::degrees(motor, position),
-                speed: units::degrees(motor, way / seconds),
+                position: hand_units::degrees(motor, position),
+                speed: hand_units::degrees(motor, way / seconds),
                 there: followed.commanded == 0 && way == 0.0 && off.abs() <= close(motor),
             }
         })
@@ -133,7 +133,7 @@ fn counts(feedback: &Feedback, motor: Motor) -> f64 {
 
 /// A finger closes a little beyond its axis: there it is at the end of it, and rests.
 fn within(motor: Motor, counts: f64) -> f64 {
-    counts.clamp(0.0, units::whole_way(motor))
+    counts.clamp(0.0, hand_units::whole_way(motor))
 }
 
 const fn close(motor: Motor) -> f64 {
@@ -151,7 +151,7 @@ fn mode(set_points: &AxesModel, motor: Motor) -> Mode {
 }
 
 fn rest(set_points: &mut AxesModel, motor: Motor, counts: f64) {
-    let degrees = units::degrees(motor, counts);
+    let degrees = hand_units::degrees(motor, counts);
     let placed = set_points.place(motor.index().into(), degrees);
     debug_assert!(placed.is_ok(), "there is an axis per motor");
 }

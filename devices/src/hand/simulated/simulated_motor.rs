@@ -2,7 +2,7 @@
 
 use super::super::finger_coupling::OUTER_COUNTS;
 use super::super::gcl::Motor;
-use super::super::units;
+use super::super::hand_units;
 
 /// Torque at the inner joint at which the clutch releases, Nm.
 ///
@@ -76,7 +76,7 @@ pub(super) struct SimulatedMotor {
 impl SimulatedMotor {
     pub(super) fn new(motor: Motor) -> Self {
         // A hand is found with its fingers somewhere.
-        let position = 0.2 * units::whole_way(motor);
+        let position = 0.2 * hand_units::whole_way(motor);
         Self {
             motor,
             position,
@@ -199,13 +199,13 @@ impl SimulatedMotor {
     /// Returns the stops in opening and closing direction, counts.
     fn stops(&self) -> (f64, f64) {
         let end = match self.motor {
-            Motor::Spread => units::whole_way(Motor::Spread),
+            Motor::Spread => hand_units::whole_way(Motor::Spread),
             _ => FINGER_STOP,
         };
         let closed = match self.object {
             None => end,
             Some(object) => {
-                let met = units::counts(self.motor, object.inner);
+                let met = hand_units::counts(self.motor, object.inner);
                 if object.torque > BREAKAWAY_TORQUE && self.motor != Motor::Spread {
                     let beyond = (object.outer - met / OUTER_ENGAGED).max(0.0);
                     (met + beyond * OUTER_COUNTS).min(end)
@@ -221,7 +221,7 @@ impl SimulatedMotor {
     fn letting_go(&self) -> f64 {
         match self.object {
             Some(object) if object.torque > BREAKAWAY_TORQUE && self.motor != Motor::Spread => {
-                units::counts(self.motor, object.inner)
+                hand_units::counts(self.motor, object.inner)
             }
             _ => f64::INFINITY,
         }

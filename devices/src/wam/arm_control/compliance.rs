@@ -158,7 +158,7 @@ impl ArmControl {
         model: &crate::wam::WamModel<AXES>,
         joint: usize,
     ) -> ImpedanceLimits {
-        let gains = crate::wam::units::gains_per_degree(model.gains[joint]);
+        let gains = crate::wam::wam_units::gains_per_degree(model.gains[joint]);
         ImpedanceLimits {
             stiffness: Limits::new(0.0, gains.proportional),
             damping: Limits::new(0.0, gains.derivative),

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use self::compliance::Compliance;
 pub(crate) use self::motor_currents::UNITS_PER_AMPERE;
-use super::units::{degrees, gains_per_degree, gains_per_radian};
+use super::wam_units::{degrees, gains_per_degree, gains_per_radian};
 use super::{AXES, WamModel, parameters};
 use crate::dynamics::Body;
 use crate::fake::{AxesModel, MotionState};

@@ -8,7 +8,7 @@ use rapier3d::prelude::{
 };
 
 use crate::object::{Object, Shape};
-use crate::robot::{self, PARTS, RobotPosture};
+use crate::simulated_robot::{self, PARTS, RobotPosture};
 use crate::{Pose, Scene};
 
 /// Friction of two bodies is the smaller of their coefficients: rubber leaves the object's, which is against rubber.
@@ -140,7 +140,7 @@ pub(super) fn add_robot(
     posture: &RobotPosture,
 ) -> [Option<RigidBodyHandle>; PARTS] {
     let mut parts = [None; PARTS];
-    for solid in robot::solids(posture.hand.is_some()) {
+    for solid in simulated_robot::solids(posture.hand.is_some()) {
         let body = *parts[solid.part].get_or_insert_with(|| {
             let body =
                 RigidBodyBuilder::kinematic_position_based().pose(to_engine(&frames[solid.part]));

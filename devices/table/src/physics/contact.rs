@@ -9,7 +9,7 @@ use yarp_devices::kinematics::Joints;
 
 use super::bodies::tag;
 use crate::Pose;
-use crate::robot::{self, PALM, PARTS};
+use crate::simulated_robot::{self, PALM, PARTS};
 
 /// Stiffness and damping of the robot against table and baskets, N/m and N s/m; no source gives them. Both are as large
 /// as a step of 2 ms allows for a wrist.
@@ -33,7 +33,7 @@ pub enum Other {
 /// A contact of the robot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contact {
-    /// Part of the robot: see [`robot`](crate::robot).
+    /// Part of the robot: see [`robot`](crate::simulated_robot).
     pub part: usize,
     /// The counterpart.
     pub other: Other,
@@ -75,7 +75,7 @@ pub(super) fn reaction(
             Other::Object(_) => sharp.soft += torques,
             Other::Table | Other::Basket => sharp.stiff += torques,
         }
-        if let Some((finger, link)) = robot::finger_of(contact.part) {
+        if let Some((finger, link)) = simulated_robot::finger_of(contact.part) {
             add_load(&mut sharp.loads[finger], frames, finger, link, contact);
         }
     }

@@ -22,7 +22,7 @@ use yarp_devices::hand::simulated::Load;
 use yarp_devices::kinematics::{Chain, Joints};
 use yarp_devices::wam::WamModel;
 
-use crate::robot::{self, HandPosture, PARTS, RobotPosture};
+use crate::simulated_robot::{self, HandPosture, PARTS, RobotPosture};
 use crate::{Pose, Scene};
 
 pub use contact::{Contact, Other};
@@ -121,9 +121,11 @@ impl Physics {
             .collect();
         let chain = WamModel::<7>::new().chain;
         let robot = match &scene.robot {
-            Some(posture) => {
-                bodies::add_robot(&mut world, &robot::frames(&chain, posture), posture)
-            }
+            Some(posture) => bodies::add_robot(
+                &mut world,
+                &simulated_robot::frames(&chain, posture),
+                posture,
+            ),
             None => [None; PARTS],
         };
         Self {
@@ -144,7 +146,7 @@ impl Physics {
         if scene.robot.is_some() {
             scene.robot = Some(posture);
         }
-        let frames = robot::frames(&self.chain, &posture);
+        let frames = simulated_robot::frames(&self.chain, &posture);
         for (body, frame) in self.robot.iter().zip(&frames) {
             if let Some(body) = body.and_then(|body| self.world.bodies.get_mut(body)) {
                 body.set_next_kinematic_position(bodies::to_engine(frame));

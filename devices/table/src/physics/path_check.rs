@@ -7,7 +7,7 @@ use yarp_devices::kinematics::{Chain, Joints};
 
 use super::bodies::to_engine;
 use crate::Pose;
-use crate::robot::{self, HandPosture, RobotPosture, RobotSolid};
+use crate::simulated_robot::{self, HandPosture, RobotPosture, RobotSolid};
 
 /// Shape of an obstacle, around its own origin, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,7 +58,7 @@ impl PathCheck {
             .into_iter()
             .map(|(solid, pose)| placed(solid, &pose))
             .collect();
-        let solids = robot::solids(true)
+        let solids = simulated_robot::solids(true)
             .into_iter()
             // The base stands on what it stands on.
             .filter(|solid| solid.part > 0)
@@ -85,7 +85,7 @@ impl PathCheck {
             joints: *joints,
             hand: Some(HandPosture::default()),
         };
-        let frames = robot::frames(&self.chain, &posture);
+        let frames = simulated_robot::frames(&self.chain, &posture);
         let mut smallest = f64::INFINITY;
         for (solid, shape) in &self.solids {
             let place = to_engine(&frames[solid.part]);

@@ -7,7 +7,7 @@ use nalgebra::Matrix3;
 use super::light::Light;
 use super::primitive::{Hit, Primitive, Vector};
 use super::{THREADS, next, work};
-use crate::scene::{Scene, Table};
+use crate::table_scene::{Scene, Table};
 use crate::texture::Wood;
 use crate::{Camera, Lens};
 

@@ -6,7 +6,7 @@ use std::sync::Mutex;
 use super::primitive::{Primitive, Vector};
 use super::{THREADS, work};
 use crate::random::hash;
-use crate::scene::{Scene, Table};
+use crate::table_scene::{Scene, Table};
 
 /// Samples of each lamp's disc, and of the sky, for shadows on the table; at most 16.
 const SAMPLES: usize = 8;

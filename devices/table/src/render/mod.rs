@@ -2,19 +2,19 @@
 //!
 //! | file | what it is about |
 //! | --- | --- |
-//! | `build` | from a scene to solids |
+//! | `scene_geometry` | from a scene to solids |
 //! | `primitive` | where a ray meets a solid |
 //! | `material` | what a surface looks like there |
 //! | `light` | lamps and shadows |
 //! | `cast` | a ray through each pixel, more where a face ends |
 //! | `film` | what lens and sensor add |
 
-mod build;
 mod cast;
 mod film;
 mod light;
 mod material;
 mod primitive;
+mod scene_geometry;
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
@@ -110,7 +110,7 @@ impl Renderer {
     /// The same scene, camera and effects give the same bytes.
     pub fn render(&self, scene: &Scene, camera: &Camera, effects: &Effects) -> Shot {
         let rays = self.rays(camera.lens);
-        let all = build::primitives(scene, camera);
+        let all = scene_geometry::primitives(scene, camera);
         let light = Light::new(scene, &camera.pose.translation.vector, &all);
         let owners = owners(scene);
         let caster = Caster::new(scene, camera, &all, &rays, Some(&light), owners);
@@ -137,7 +137,7 @@ impl Renderer {
     /// Returns what a depth sensor at this place measures.
     pub fn depth(&self, scene: &Scene, camera: &Camera, noise: &DepthNoise) -> Depth {
         let rays = self.rays(camera.lens);
-        let all = build::primitives(scene, camera);
+        let all = scene_geometry::primitives(scene, camera);
         let caster = Caster::new(scene, camera, &all, &rays, None, owners(scene));
         let picture = caster.cast();
         let (width, height) = (camera.lens.width, camera.lens.height);

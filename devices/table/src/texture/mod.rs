@@ -4,7 +4,7 @@
 
 mod canvas;
 mod font;
-mod print;
+mod printed_texture;
 mod wood;
 
 use std::sync::OnceLock;
@@ -157,7 +157,7 @@ impl Level {
 pub(crate) fn brick(kind: BrickKind) -> &'static [Texture; 6] {
     static ALL: OnceLock<Vec<OnceLock<[Texture; 6]>>> = OnceLock::new();
     let all = ALL.get_or_init(|| BrickKind::all().map(|_| OnceLock::new()).collect());
-    all[kind.index()].get_or_init(|| Face::ALL.map(|face| print::face(kind, face)))
+    all[kind.index()].get_or_init(|| Face::ALL.map(|face| printed_texture::face(kind, face)))
 }
 
 /// Returns the print of one face of a carton as a flat image, sRGB, 3 pixels per mm: for a recogniser's database.
@@ -182,7 +182,7 @@ mod tests {
         let kinds: Vec<_> = BrickKind::all().collect();
         let one = brick_face(kinds[0], Face::Front);
         assert_eq!((one.width(), one.height()), (285, 495));
-        let again = print::face(kinds[0], Face::Front);
+        let again = printed_texture::face(kinds[0], Face::Front);
         assert_eq!(one.pixels(), again.image().pixels());
         let other = brick_face(kinds[1], Face::Front);
         let different = one

@@ -1,17 +1,17 @@
 //! Ground truth of an image: camera, objects, poses, masks; and its XML.
 
-mod mask;
-mod read;
-mod write;
+mod object_mask;
+mod truth_reader;
+mod truth_writer;
 
 use crate::object::{Object, Shape};
-use crate::robot::{self, PALM};
+use crate::simulated_robot::{self, PALM};
 use crate::{Camera, Pose, Scene};
 use nalgebra::Point3;
 use yarp_devices::wam::WamModel;
 
-pub use mask::Mask;
-pub use read::TruthError;
+pub use object_mask::Mask;
+pub use truth_reader::TruthError;
 
 /// Number of a board on the tool plate in the truth.
 const MOUNTED: u32 = u32::MAX;
@@ -71,11 +71,11 @@ pub(crate) fn of_picture(
 ) -> GroundTruth {
     let mut objects = scene.objects.clone();
     if let (Some(posture), Some(board)) = (&scene.robot, &scene.board) {
-        let plate = robot::frames(&WamModel::<7>::new().chain, posture)[PALM];
+        let plate = simulated_robot::frames(&WamModel::<7>::new().chain, posture)[PALM];
         objects.push(Object::new(MOUNTED, board.shape, plate * board.pose));
     }
     let width = camera.lens.width;
-    let masks = mask::of_owners(seen, owners, width, camera.lens.height);
+    let masks = object_mask::of_owners(seen, owners, width, camera.lens.height);
     let objects = objects
         .into_iter()
         .zip(masks)

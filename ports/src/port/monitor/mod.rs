@@ -28,7 +28,7 @@
 //!
 //! A monitor runs on the task of its connection and holds no lock while it works; a message of
 //! more than a few kilobytes is worked on where tasks may block, and so is one that is expanded. What messages and pictures
-//! are expanded to counts against a budget of the process ([`limits`](crate::limits)). Where there are roles, who asks for
+//! are expanded to counts against a budget of the process ([`limits`](crate::port_limits)). Where there are roles, who asks for
 //! `recv.portmonitor` needs `administer` on the reader, except for monitors of the owner's own. A connection without monitors
 //! pays nothing for them.
 //!

@@ -17,8 +17,8 @@ use yarp_wire::message::{Form, Payload, WireObject};
 use yarp_wire::{Bottle, Limits, Value, WireVersion};
 
 use super::{Made, Monitor, MonitorSetup, MonitorSide, Passing, of_bottle};
-use crate::limits::{EXPANSION_BUDGET, Reservation};
 use crate::port::log_modifier::Content;
+use crate::port_limits::{EXPANSION_BUDGET, Reservation};
 
 /// Deflate makes at most this many bytes out of one.
 const MAX_COMPRESSION_RATIO: usize = 1032;

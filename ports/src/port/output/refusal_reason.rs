@@ -76,7 +76,7 @@ fn reason(bytes: &[u8]) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::limits::MAX_LOGGED_TEXT;
+    use crate::port_limits::MAX_LOGGED_TEXT;
 
     #[test]
     fn only_a_complete_line_of_an_error_is_a_reason() {

@@ -2,15 +2,15 @@
 //!
 //! | file | content |
 //! | --- | --- |
-//! | `options` | names, carrier and timeouts |
-//! | `link` | the four ports, opening, calls |
+//! | `remote_cartesian_options` | names, carrier and timeouts |
+//! | `cartesian_link` | the four ports, opening, calls |
 //! | `latest_pose` | the newest pose, and the listeners of events |
-//! | `cartesian_interface` | implements the interface with messages |
+//! | `remote_cartesian_interface` | implements the interface with messages |
 
-mod cartesian_interface;
+mod cartesian_link;
 mod latest_pose;
-mod link;
-mod options;
+mod remote_cartesian_interface;
+mod remote_cartesian_options;
 
 use std::collections::BTreeSet;
 use std::sync::Mutex;
@@ -18,11 +18,11 @@ use std::sync::Mutex;
 use yarp_devices::Device;
 use yarp_ports::Network;
 
-use self::link::ToolLink;
+use self::cartesian_link::ToolLink;
 use super::messages::Request;
 use crate::OpenError;
 use crate::device_ports::{Link, SharedLink, wait};
-pub use options::RemoteCartesianOptions;
+pub use remote_cartesian_options::RemoteCartesianOptions;
 
 /// The tool of an arm in another program, as iCub's `cartesiancontrollerclient` casts it.
 ///
@@ -87,11 +87,11 @@ impl RemoteCartesianControl {
 
 impl Drop for RemoteCartesianControl {
     fn drop(&mut self) {
-        let contexts = cartesian_interface::lock(&self.contexts)
+        let contexts = remote_cartesian_interface::lock(&self.contexts)
             .iter()
             .copied()
             .collect::<Vec<_>>();
-        let checkpoints = cartesian_interface::lock(&self.checkpoints).clone();
+        let checkpoints = remote_cartesian_interface::lock(&self.checkpoints).clone();
         let forget = (!contexts.is_empty()).then_some(Request::Delete(Some(contexts)));
         let requests: Vec<Request> = forget
             .into_iter()

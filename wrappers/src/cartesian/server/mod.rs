@@ -2,11 +2,11 @@
 //!
 //! | file | content |
 //! | --- | --- |
-//! | `request_handler` | executes requests on the controller |
-//! | `publisher` | its pose and events, every period |
+//! | `cartesian_request_handler` | executes requests on the controller |
+//! | `pose_publisher` | its pose and events, every period |
 
-mod publisher;
-mod request_handler;
+mod cartesian_request_handler;
+mod pose_publisher;
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -18,7 +18,7 @@ use yarp_devices::{CartesianEvent, Device};
 use yarp_ports::{Answer, Network, Port, PortOptions, Received};
 use yarp_wire::Stamp;
 
-use self::request_handler::RequestHandler;
+use self::cartesian_request_handler::RequestHandler;
 use super::CartesianVersion;
 use super::messages::to_event;
 use crate::OpenError;
@@ -122,7 +122,13 @@ impl CartesianServer {
         let start = |outputs: &[Arc<Port>]| {
             let (sender, receiver) = unbounded_channel();
             Ok(Publishing {
-                publisher: publisher::start(handler, outputs[0].clone(), events, sender, period)?,
+                publisher: pose_publisher::start(
+                    handler,
+                    outputs[0].clone(),
+                    events,
+                    sender,
+                    period,
+                )?,
                 writer: tokio::spawn(write_events(outputs[1].clone(), receiver)),
             })
         };

@@ -2,26 +2,26 @@
 //!
 //! | file | content |
 //! | --- | --- |
-//! | `options` | names, carrier and timeouts |
-//! | `link` | the three ports, opening, calls |
+//! | `remote_board_options` | names, carrier and timeouts |
+//! | `board_link` | the three ports, opening, calls |
 //! | `latest_state` | the newest state received |
 //! | `board_requests` | queries and commands for joints, in either wire version |
-//! | `motion_completion` | numbered moves, and waiting for their ends |
+//! | `remote_motion_completion` | numbered moves, and waiting for their ends |
 //! | `remote_interface` | generates the methods of an interface from its description |
-//! | `interfaces`, `pid_interface` | the device interfaces, and what is written by hand of them |
+//! | `remote_board_interfaces`, `pid_interface` | the device interfaces, and what is written by hand of them |
 //! | `checked` | checks of arguments before they are sent |
 
 #[macro_use]
 mod remote_interface;
 
+mod board_link;
 mod board_requests;
 mod checked;
-mod interfaces;
 mod latest_state;
-mod link;
-mod motion_completion;
-mod options;
 mod pid_interface;
+mod remote_board_interfaces;
+mod remote_board_options;
+mod remote_motion_completion;
 
 use std::collections::HashSet;
 
@@ -29,12 +29,12 @@ use yarp_devices::{Device, DeviceError};
 use yarp_ports::Network;
 use yarp_wire::{Value, WireVersion};
 
-use self::link::{BoardLink, Results};
+use self::board_link::{BoardLink, Results};
 use super::OpenError;
 use super::messages::{Get, Request, Set};
 use crate::device_ports::{SharedLink, wait};
-pub use motion_completion::RemoteMotion;
-pub use options::RemoteControlBoardOptions;
+pub use remote_board_options::RemoteControlBoardOptions;
+pub use remote_motion_completion::RemoteMotion;
 
 /// A control board in another program, as stock's `remote_controlboard` (3.x) and `controlBoard_nwc_yarp` (4.0) cast
 /// it back. Which of the two it is is found out: a board that serves both is spoken to as 4.0.

@@ -22,10 +22,10 @@
 use yarp_devices::AxisIndex;
 use yarp_wire::{Bottle, Value, Vocab32};
 
+use super::board_request::{Malformed, Request};
+use super::board_vocabulary as word;
 use super::number_parsing;
-use super::request::{Malformed, Request};
 use super::request_table::Set;
-use super::vocabulary as word;
 
 const NUMBERED: Vocab32 = Vocab32::new("numb");
 const MOVE: Vocab32 = Vocab32::new("move");

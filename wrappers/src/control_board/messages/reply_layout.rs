@@ -7,12 +7,12 @@ use yarp_devices::{Pid, VariableValue};
 use yarp_wire::{Stamp, Value, Vocab32, WireVersion};
 
 use super::axis_selection::{Form, Selection};
+use super::board_reply::Reply;
+use super::board_request::Get;
+use super::board_vocabulary as word;
 use super::pid_messages;
-use super::reply::Reply;
-use super::request::Get;
 use super::request_table::{Quantity, Query};
 use super::results::Outcome;
-use super::vocabulary as word;
 use crate::thrift::Item;
 
 const V3: WireVersion = WireVersion::V3;

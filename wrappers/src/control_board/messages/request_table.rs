@@ -11,8 +11,8 @@ use yarp_devices::{
 };
 use yarp_wire::{Bottle, Vocab32};
 
-use super::arguments::{Argument, Arguments, CallLayout, SentMotorParameters};
 use super::axis_selection::{Form, Forms, Selection};
+use super::board_arguments::{Argument, Arguments, CallLayout, SentMotorParameters};
 use super::results::{Choices, Outcome};
 use super::spelling::Spelling;
 use crate::thrift::Item;

@@ -6,10 +6,10 @@ use yarp_devices::{
 };
 use yarp_wire::{Bottle, Value, Vocab32, WireVersion};
 
+use super::board_reply::{joint_type_from_value, joint_type_to_value};
+use super::board_vocabulary as word;
 use super::number_parsing::{float, floats};
-use super::reply::{joint_type_from_value, joint_type_to_value};
 use super::reply_layout::{gains, read_flag, read_gains};
-use super::vocabulary as word;
 use super::{pid_messages, variable_value};
 use crate::thrift::Item;
 

@@ -17,11 +17,11 @@ use yarp_wire::message::{ReadObject, WireObject};
 use yarp_wire::{Bottle, Limits, Value, Vocab32, WireVersion};
 
 use super::axis_selection::{Forms, Selection, Words};
+use super::board_request::Malformed;
+use super::board_vocabulary as word;
 use super::number_parsing;
 use super::pid_messages;
-use super::request::Malformed;
 use super::request_table::Setting;
-use super::vocabulary as word;
 
 /// The code of a list whose items carry their own.
 const LIST: i32 = 256;

@@ -1,5 +1,5 @@
+use super::super::board_vocab_requests::tests::every_request;
 use super::super::request_table::Query;
-use super::super::vocab_requests::tests::every_request;
 use super::*;
 use bytes::{Bytes, BytesMut};
 use yarp_wire::message::{ReadObject, WireObject};

@@ -5,7 +5,7 @@ use yarp_devices::{
 };
 use yarp_wire::WireVersion;
 
-use super::super::arguments::SentMotorParameters;
+use super::super::board_arguments::SentMotorParameters;
 use super::super::request_table::{Quantity, Query};
 use super::*;
 

@@ -7,7 +7,7 @@ use yarp_devices::{
 use super::super::messages::{
     Action, Choices, Get, Outcome, Quantity, Query, Selection, Set, Setting,
 };
-use super::request_handler::{Refusal, RequestHandler};
+use super::board_request_handler::{Refusal, RequestHandler};
 use crate::thrift::Item;
 
 /// Refusal of a query for several joints that devices answer for one; both protocols forbid it.

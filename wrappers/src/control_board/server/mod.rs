@@ -2,23 +2,23 @@
 //!
 //! | file | content |
 //! | --- | --- |
-//! | `request_handler` | executes requests on the device |
+//! | `board_request_handler` | executes requests on the device |
 //! | `command_queue` | commands that wait while the device executes an earlier one |
 //! | `submit` | submits commands through the queue, and polls the motions that they start |
 //! | `motion_tracker` | numbered motions, and their ends |
 //! | `execute` | calls of the device, generated from the descriptions of the interfaces |
 //! | `supported_interfaces` | the interfaces of the device |
-//! | `publisher` | the state, every period |
+//! | `state_publisher` | the state, every period |
 //! | `deadline_monitor` | missed publish deadlines |
 //! | `help_text` | help for people |
 
+mod board_request_handler;
 mod command_queue;
 mod deadline_monitor;
 mod execute;
 mod help_text;
 mod motion_tracker;
-mod publisher;
-mod request_handler;
+mod state_publisher;
 mod submit;
 mod supported_interfaces;
 
@@ -34,7 +34,7 @@ use yarp_devices::Device;
 use yarp_ports::{Answer, Network, Port, PortOptions, Received};
 use yarp_wire::WireVersion;
 
-use self::request_handler::RequestHandler;
+use self::board_request_handler::RequestHandler;
 use super::OpenError;
 use super::messages::{Command, MotionUpdate, Numbered};
 use crate::device_ports::{PUBLISHER_END_TIMEOUT, PortWork, ServedPort, ServedPorts};
@@ -205,7 +205,7 @@ impl BoardWork {
         let feeds = [outputs[0].clone(), outputs[1].clone()];
         Ok(Self {
             board: board.clone(),
-            publisher: publisher::start(board.clone(), feeds, period)?,
+            publisher: state_publisher::start(board.clone(), feeds, period)?,
             workers,
             announcer: tokio::spawn(announce(announced, outputs[2].clone())),
         })

@@ -13,9 +13,9 @@ use yarp_wire::{Bottle, Vocab32};
 use super::super::messages::{
     Command, Malformed, MotionEnd, MotionState, MotionUpdate, Numbered, Reply, Set,
 };
+use super::board_request_handler::{Refusal, RequestHandler};
 use super::command_queue::{Dropped, Kind, QueuedCommand};
 use super::motion_tracker::{AxisEffect, Motion};
-use super::request_handler::{Refusal, RequestHandler};
 
 /// Interval between queries whether a motion has ended.
 const MOTION_POLL_INTERVAL: Duration = Duration::from_millis(5);

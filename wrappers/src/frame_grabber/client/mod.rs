@@ -2,25 +2,25 @@
 //!
 //! | file | content |
 //! | --- | --- |
-//! | `options` | names, carrier and timeouts |
-//! | `link` | the two ports, opening, calls |
+//! | `remote_camera_options` | names, carrier and timeouts |
+//! | `camera_link` | the two ports, opening, calls |
 //! | `latest_image` | the newest image received |
-//! | `interfaces` | the device interfaces |
+//! | `remote_camera_interfaces` | the device interfaces |
 
-mod firewire;
-mod interfaces;
+mod camera_link;
 mod latest_image;
-mod link;
-mod options;
+mod remote_camera_interfaces;
+mod remote_camera_options;
+mod remote_firewire;
 
 use yarp_devices::Device;
 use yarp_ports::Network;
 use yarp_wire::WireVersion;
 
-use self::link::CameraLink;
+use self::camera_link::CameraLink;
 use crate::OpenError;
 use crate::device_ports::{SharedLink, wait};
-pub use options::RemoteFrameGrabberOptions;
+pub use remote_camera_options::RemoteFrameGrabberOptions;
 
 /// A camera in another program, as stock's `frameGrabber_nwc_yarp` casts it back. The client finds out the wire
 /// version of the server; one that supports both is used as 4.0.

@@ -5,8 +5,8 @@ use yarp_devices::{CameraConfiguration, Intrinsics};
 use yarp_wire::typed::{PixelCode, Property};
 use yarp_wire::{Bottle, Value, WireVersion};
 
+use super::camera_request::{Request, flag, integer};
 use super::image_message;
-use super::request::{Request, flag, integer};
 use crate::control_board::messages::float;
 use crate::thrift::Item;
 

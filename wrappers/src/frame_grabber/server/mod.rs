@@ -2,12 +2,12 @@
 //!
 //! | file | content |
 //! | --- | --- |
-//! | `request_handler` | executes requests on the device |
-//! | `publisher` | the newest image, every period |
+//! | `camera_request_handler` | executes requests on the device |
+//! | `image_publisher` | the newest image, every period |
 
-mod firewire;
-mod publisher;
-mod request_handler;
+mod camera_request_handler;
+mod image_publisher;
+mod served_firewire;
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -15,7 +15,7 @@ use std::time::Duration;
 use yarp_devices::Device;
 use yarp_ports::{Network, Port, PortOptions, Received};
 
-use self::request_handler::RequestHandler;
+use self::camera_request_handler::RequestHandler;
 use crate::OpenError;
 use crate::device_ports::{ServedPort, ServedPorts};
 use crate::open_ports::request_port;
@@ -136,7 +136,7 @@ impl FrameGrabberServer {
             ServedPort::output("", answering(&camera).type_name("yarp/image")),
         ];
         let start = |outputs: &[Arc<Port>]| {
-            publisher::start(device, outputs[0].clone(), capability, period)
+            image_publisher::start(device, outputs[0].clone(), capability, period)
         };
         let ports = ServedPorts::open(network, name, wanted, start).await?;
         tracing::info!(name, ?period, ?capability, "camera served");

@@ -13,8 +13,8 @@
 //! Numbers are sent as text, which callers of either wire version read alike: a request without floats does not
 //! reveal its wire version. Floats in requests are parsed in either wire version.
 
-mod reply;
-mod request;
+mod hand_reply;
+mod hand_request;
 
-pub use reply::{Answer, Refused, Reply, help};
-pub use request::{Malformed, Request};
+pub use hand_reply::{Answer, Refused, Reply, help};
+pub use hand_request::{Malformed, Request};

@@ -12,7 +12,7 @@ use yarp_ports::Port;
 use yarp_wire::Stamp;
 use yarp_wire::float_vector::Vector;
 
-use super::request_handler::RequestHandler;
+use super::cartesian_request_handler::RequestHandler;
 use crate::periodic_thread::PeriodicThread;
 
 /// Starts publishing poses on `state`, and passes `events` on to their writer.

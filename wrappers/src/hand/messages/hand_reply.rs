@@ -8,7 +8,7 @@ use yarp_devices::hand::{HandError, HandErrorKind};
 use yarp_ports::error_chain;
 use yarp_wire::{Bottle, Value, Vocab32};
 
-use super::request::{Malformed, Request};
+use super::hand_request::{Malformed, Request};
 use crate::control_board::messages::Reply as Usage;
 
 /// Word after `[fail]` for an error that does not concern the hand.

@@ -3,7 +3,7 @@
 use yarp_devices::image::Crop;
 use yarp_wire::{Bottle, Value, Vocab32};
 
-use super::{Firewire, thrift_calls, vocab_requests};
+use super::{Firewire, camera_thrift_calls, camera_vocab_requests};
 
 /// Kind of images.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
@@ -85,14 +85,14 @@ pub enum Malformed {
 impl Request {
     /// Returns whether a message is a call of 4.0. Messages of 3.x on the same port begin with a word.
     pub fn is_call(message: &Bottle) -> bool {
-        matches!(message.get(0), Some(Value::String(name)) if name.as_str().is_some_and(thrift_calls::is_name))
+        matches!(message.get(0), Some(Value::String(name)) if name.as_str().is_some_and(camera_thrift_calls::is_name))
     }
 
     /// Reads a message of either wire version.
     pub fn parse(message: &Bottle) -> Result<Self, Malformed> {
         match Self::is_call(message) {
-            true => thrift_calls::parse(message),
-            false => vocab_requests::parse(message),
+            true => camera_thrift_calls::parse(message),
+            false => camera_vocab_requests::parse(message),
         }
     }
 }

@@ -6,12 +6,12 @@ use yarp_devices::{
 };
 use yarp_wire::{Bottle, Value};
 
-use super::motion_event::KINDS;
-use super::request::{
+use super::cartesian_request::{
     group, numbers, priority_word, read_pose, read_priority, read_tweaks, read_velocity,
     tweak_list, velocity_list,
 };
-use super::vocabulary::*;
+use super::cartesian_vocabulary::*;
+use super::motion_event::KINDS;
 use crate::cartesian::CartesianVersion;
 use crate::control_board::messages::{count, float, floats};
 

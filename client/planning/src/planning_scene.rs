@@ -3,7 +3,7 @@
 use nalgebra::Point3;
 use yarp_devices::kinematics::Pose;
 
-use crate::shape::Shape;
+use crate::obstacle_shape::Shape;
 
 /// Something that the arm must not touch.
 #[derive(Clone, Debug, PartialEq)]

@@ -13,7 +13,7 @@ use yarp_wire::WireVersion;
 use yarp_wire::message::WireObject;
 
 use super::latest_image::LatestImage;
-use super::options::RemoteFrameGrabberOptions;
+use super::remote_camera_options::RemoteFrameGrabberOptions;
 use crate::OpenError;
 use crate::control_board::messages::ProtocolVersion;
 use crate::device_ports::{LatestValue, Link, RemotePorts, RpcPort, stream_port};

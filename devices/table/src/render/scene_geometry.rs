@@ -6,7 +6,7 @@ use yarp_devices::wam::WamModel;
 use super::material::Material;
 use super::primitive::{Primitive, Solid, Vector};
 use crate::object::{Object, Shape};
-use crate::robot::{self, RobotPosture};
+use crate::simulated_robot::{self, RobotPosture};
 use crate::{Camera, MountedBoard, Pose, Scene};
 
 /// Linear reflectances of the arm's covers, of its joints, of fingers and of the baskets.
@@ -115,12 +115,12 @@ fn add_robot(
     eye: &Vector3<f64>,
 ) {
     let chain = WamModel::<7>::new().chain;
-    let frames = robot::frames(&chain, posture);
-    for solid in robot::solids(posture.hand.is_some()) {
+    let frames = simulated_robot::frames(&chain, posture);
+    for solid in simulated_robot::solids(posture.hand.is_some()) {
         let frame = &frames[solid.part];
         let pose = frame * along(&solid.from, &solid.to);
         let half = (solid.to - solid.from).norm() / 2.0;
-        let material = match robot::finger_of(solid.part) {
+        let material = match simulated_robot::finger_of(solid.part) {
             Some((_, 2)) => Material::Plain(RUBBER, 0.05),
             Some(_) => Material::Plain(FINGER, 0.4),
             None if solid.radius > 0.05 => Material::Plain(COVER, 0.2),
@@ -130,7 +130,11 @@ fn add_robot(
         all.push(Primitive::new(capsule, &pose, eye, material));
     }
     if let Some(board) = board {
-        let object = Object::new(u32::MAX, board.shape, frames[robot::PALM] * board.pose);
+        let object = Object::new(
+            u32::MAX,
+            board.shape,
+            frames[simulated_robot::PALM] * board.pose,
+        );
         all.push(object_primitive(&object, scene.objects.len(), eye));
     }
 }

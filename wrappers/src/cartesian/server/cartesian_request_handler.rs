@@ -7,7 +7,7 @@ use yarp_devices::{CartesianControl, Device, DeviceError};
 use yarp_wire::Bottle;
 
 use crate::cartesian::CartesianVersion;
-use crate::cartesian::messages::{Query, Request, Setting, acknowledged, refused, reply};
+use crate::cartesian::messages::{Query, Request, Setting, acknowledged, cartesian_reply, refused};
 
 /// Answers requests with a controller.
 pub(super) struct RequestHandler {
@@ -77,9 +77,9 @@ impl RequestHandler {
             // Not on this port: a refusal could not be distinguished from the end of a motion.
             Request::Move(_) => return Ok(refused()),
             Request::Ask(target, start) => {
-                return Ok(reply::reach(&arm.ask(*target, start.as_deref())?));
+                return Ok(cartesian_reply::reach(&arm.ask(*target, start.as_deref())?));
             }
-            Request::Store => return Ok(reply::id(arm.store_context()?)),
+            Request::Store => return Ok(cartesian_reply::id(arm.store_context()?)),
             // As stock: no answer is worth more than an empty one.
             Request::Restore(None) | Request::Delete(None) => return Ok(Bottle::new()),
             Request::Restore(Some(id)) => arm.restore_context(*id),
@@ -88,34 +88,34 @@ impl RequestHandler {
             Request::Set(setting) => return set(arm, setting),
             Request::Register(checkpoint) => arm.register_checkpoint(*checkpoint),
             Request::Unregister(checkpoint) => arm.unregister_checkpoint(*checkpoint),
-            Request::Checkpoints => return Ok(reply::list(&arm.checkpoints()?)),
+            Request::Checkpoints => return Ok(cartesian_reply::list(&arm.checkpoints()?)),
         };
         done.map(|()| acknowledged())
     }
 
     fn tell(&self, arm: &dyn CartesianControl, question: Query) -> Result<Bottle, DeviceError> {
         Ok(match question {
-            Query::Tracking => reply::tracking(arm.tracking()?),
-            Query::Reference => reply::yes_or_no(arm.reference_mode()?),
-            Query::Priority => reply::priority(arm.priority()?),
-            Query::Time => reply::number(arm.trajectory_time()?),
-            Query::Tolerance => reply::number(arm.tolerance()?),
-            Query::Done => reply::yes_or_no(arm.motion_done()?),
+            Query::Tracking => cartesian_reply::tracking(arm.tracking()?),
+            Query::Reference => cartesian_reply::yes_or_no(arm.reference_mode()?),
+            Query::Priority => cartesian_reply::priority(arm.priority()?),
+            Query::Time => cartesian_reply::number(arm.trajectory_time()?),
+            Query::Tolerance => cartesian_reply::number(arm.tolerance()?),
+            Query::Done => cartesian_reply::yes_or_no(arm.motion_done()?),
             // Here the solver is part of the controller.
-            Query::IsOn => reply::yes_or_no(true),
-            Query::Limits(axis) => reply::limits(arm.joint_limits(axis)?),
-            Query::Dof => reply::dof(&arm.dof()?),
-            Query::Rest => reply::list(&arm.rest_positions()?),
-            Query::Weights => reply::list(&arm.rest_weights()?),
-            Query::Desired => reply::reach(&arm.desired()?),
-            Query::JointVelocities => reply::list(&arm.joint_velocities()?),
-            Query::TaskVelocity => reply::velocity(&arm.task_velocity()?),
+            Query::IsOn => cartesian_reply::yes_or_no(true),
+            Query::Limits(axis) => cartesian_reply::limits(arm.joint_limits(axis)?),
+            Query::Dof => cartesian_reply::dof(&arm.dof()?),
+            Query::Rest => cartesian_reply::list(&arm.rest_positions()?),
+            Query::Weights => cartesian_reply::list(&arm.rest_weights()?),
+            Query::Desired => cartesian_reply::reach(&arm.desired()?),
+            Query::JointVelocities => cartesian_reply::list(&arm.joint_velocities()?),
+            Query::TaskVelocity => cartesian_reply::velocity(&arm.task_velocity()?),
             Query::Pose(axis) => {
-                reply::stamped(&arm.link_pose(axis)?, self.count.load(Ordering::Relaxed))
+                cartesian_reply::stamped(&arm.link_pose(axis)?, self.count.load(Ordering::Relaxed))
             }
-            Query::Tip => reply::pose(&arm.tip()?),
-            Query::Info => reply::info(&arm.cartesian_info()?, self.version),
-            Query::Tweaks => reply::tweaks(&arm.tweaks()?),
+            Query::Tip => cartesian_reply::pose(&arm.tip()?),
+            Query::Info => cartesian_reply::info(&arm.cartesian_info()?, self.version),
+            Query::Tweaks => cartesian_reply::tweaks(&arm.tweaks()?),
         })
     }
 }
@@ -128,9 +128,11 @@ fn set(arm: &dyn CartesianControl, setting: &Setting) -> Result<Bottle, DeviceEr
         Setting::Time(time) => arm.set_trajectory_time(*time),
         Setting::Tolerance(tolerance) => arm.set_tolerance(*tolerance),
         Setting::Limits(axis, limits) => arm.set_joint_limits(*axis, *limits),
-        Setting::Dof(dof) => return Ok(reply::dof(&arm.set_dof(dof)?)),
-        Setting::Rest(rest) => return Ok(reply::list(&arm.set_rest_positions(rest)?)),
-        Setting::Weights(weights) => return Ok(reply::list(&arm.set_rest_weights(weights)?)),
+        Setting::Dof(dof) => return Ok(cartesian_reply::dof(&arm.set_dof(dof)?)),
+        Setting::Rest(rest) => return Ok(cartesian_reply::list(&arm.set_rest_positions(rest)?)),
+        Setting::Weights(weights) => {
+            return Ok(cartesian_reply::list(&arm.set_rest_weights(weights)?));
+        }
         Setting::Tip(tip) => arm.attach_tip(*tip),
         Setting::Tweaks(change) => arm.tweak(*change),
     };

@@ -11,7 +11,7 @@ use yarp_devices::{
 };
 
 use super::RemoteCartesianControl;
-use crate::cartesian::messages::reply::Values;
+use crate::cartesian::messages::cartesian_reply::Values;
 use crate::cartesian::messages::{Query, Request, Setting};
 
 /// Interval between checks for a pose with the new tip, and their maximum duration.

@@ -10,8 +10,8 @@ use yarp_wire::Stamp;
 use yarp_wire::float_vector::Vector;
 
 use super::super::messages::{Field, JointData};
+use super::board_request_handler::RequestHandler;
 use super::deadline_monitor::DeadlineMonitor;
-use super::request_handler::RequestHandler;
 use crate::periodic_thread::PeriodicThread;
 use yarp_devices::clock::wall_clock;
 

@@ -8,7 +8,7 @@ use opencv::core::{
     Mat, MatTraitConst, MatTraitConstManual, Point2d, Point2f, Point3d, Point3f, Size, Vector,
 };
 
-use super::error::at;
+use super::calibration_error::at;
 use super::{CalibrationError, Pattern, Result};
 use crate::{Intrinsics, Pose};
 

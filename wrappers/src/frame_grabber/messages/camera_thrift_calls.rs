@@ -11,10 +11,10 @@
 use yarp_wire::typed;
 use yarp_wire::{Bottle, Value, WireVersion};
 
-use super::firewire::{self, Firewire};
+use super::camera_request::{Ability, Channel, Malformed, Request, flag, integer};
+use super::firewire_messages::{self, Firewire};
 use super::reply_value::Answer;
-use super::request::{Ability, Channel, Malformed, Request, flag, integer};
-use super::{image_message, vocab_requests};
+use super::{camera_vocab_requests, image_message};
 use crate::control_board::messages::float;
 use crate::thrift::{GET_VERSION, Item, Message, ReturnCode};
 use yarp_devices::image::Crop;
@@ -62,7 +62,7 @@ pub(super) fn is_name(text: &str) -> bool {
 
 /// The names of all functions, as stock lists them.
 pub fn help() -> Message {
-    let all = FUNCTIONS.into_iter().chain(firewire::functions());
+    let all = FUNCTIONS.into_iter().chain(firewire_messages::functions());
     let names = all.map(|name| format!("{name}{SUFFIX}"));
     let title = "*** Available commands:".to_owned();
     let items = std::iter::once(title).chain(names).chain([HELP.to_owned()]);
@@ -140,7 +140,7 @@ fn read_crop(values: &[Value]) -> Option<Crop> {
         _ => None,
     };
     let places: Option<Vec<_>> = places.as_list()?.iter().map(place).collect();
-    vocab_requests::crop(integer(kind)?, places?)
+    camera_vocab_requests::crop(integer(kind)?, places?)
 }
 
 /// A request as a call; `None` if 4.0 has no function for it.
@@ -156,7 +156,7 @@ pub(super) fn to_call(request: &Request) -> Option<Message> {
         R::Width(Channel::Colour) => ("getWidth", vec![]),
         R::Image(Channel::Colour) => ("getImage", vec![]),
         R::Crop(Channel::Colour, crop) => {
-            let (kind, places) = vocab_requests::kind_of(crop);
+            let (kind, places) = camera_vocab_requests::kind_of(crop);
             let place = |(x, y)| Item::List(vec![Item::I32(x), Item::I32(y)]);
             let places = Item::List(places.into_iter().map(place).collect());
             ("getImageCrop", vec![Item::I32(kind), places])

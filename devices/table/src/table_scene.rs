@@ -4,7 +4,7 @@ use nalgebra::{Rotation3, Translation3, Vector3};
 
 use crate::lighting::Lighting;
 use crate::object::{Finish, Object, Shape};
-use crate::robot::RobotPosture;
+use crate::simulated_robot::RobotPosture;
 use crate::{Camera, Lens, Pose};
 
 /// Height of the table's surface in the arm's base frame, m.

@@ -9,7 +9,7 @@
 use yarp_devices::JointType;
 use yarp_wire::{Bottle, Stamp, Value, Vocab32};
 
-use super::vocabulary as word;
+use super::board_vocabulary as word;
 use crate::thrift::Item;
 
 /// A reply.

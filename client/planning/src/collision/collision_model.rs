@@ -5,7 +5,7 @@ use smallvec::SmallVec;
 use yarp_devices::kinematics::{Chain, Joints, Pose};
 
 use super::arm_geometry::{ArmGeometry, LinkSphere, reaches};
-use crate::scene::Scene;
+use crate::planning_scene::Scene;
 
 /// Distance that a planned motion keeps from every obstacle, in metres.
 pub const MARGIN: f64 = 0.01;

@@ -9,7 +9,7 @@ use yarp_devices::{
 use yarp_ports::Answer as PortAnswer;
 use yarp_wire::{Bottle, WireVersion};
 
-use super::firewire;
+use super::served_firewire;
 use crate::frame_grabber::messages::{
     self, Ability, Answer, As, Channel, Malformed, Request, refusal,
 };
@@ -185,7 +185,7 @@ impl RequestHandler {
                 self.controls()?.one_push(feature(*code)?)?;
                 Answer::Done
             }
-            R::Firewire(what, values) => firewire::perform(self.firewire()?, *what, values)?,
+            R::Firewire(what, values) => served_firewire::perform(self.firewire()?, *what, values)?,
             R::Help | R::ProtocolVersion => return Err(Malformed::Interface.into()),
         })
     }

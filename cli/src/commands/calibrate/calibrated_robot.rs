@@ -11,7 +11,7 @@ use yarp_vision::calibration::{
 };
 use yarp_vision::{CameraModel, Intrinsics, Pose};
 
-use super::{Args, failed, report};
+use super::{Args, calibration_output, failed};
 use crate::commands::code;
 use crate::error::Result;
 use crate::network_access;
@@ -33,14 +33,14 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     });
     let (found, args) = running.await.expect("a calibration does not panic");
     let found = found.map_err(failed)?;
-    report::write_files(&args, &found)?;
-    let target = args.target.unwrap_or(report::TARGET);
+    calibration_output::write_files(&args, &found)?;
+    let target = args.target.unwrap_or(calibration_output::TARGET);
     let passed = found.errors.back_projection <= target;
     if args.json {
-        let row = report::with_target(report::row(&found), target, passed);
+        let row = calibration_output::with_target(calibration_output::row(&found), target, passed);
         writeln!(out, "{row}")?;
     } else {
-        report::print(&found, out)?;
+        calibration_output::print(&found, out)?;
     }
     Ok(code(passed))
 }

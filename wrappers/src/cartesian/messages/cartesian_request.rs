@@ -3,7 +3,7 @@
 use yarp_devices::{AxisIndex, Limits, Priority, Target, TaskPose, TaskVelocity, TweakChange};
 use yarp_wire::{Bottle, Value, Vocab32};
 
-use super::vocabulary::*;
+use super::cartesian_vocabulary::*;
 use crate::control_board::messages::{axis, count, float, floats, integer};
 
 /// A request of a client.

@@ -8,9 +8,9 @@ use yarp_wire::{Bottle, http};
 
 use crate::control::Control;
 use crate::log_lines::LogLines;
-use crate::model::{Model, Role};
 use crate::page_files::PageFiles;
 use crate::sources::{Sources, Subscription};
+use crate::view_model::{Model, Role};
 use crate::viewer_stream::ViewerStream;
 
 /// Maximum number of bytes of a message that a view reads: an image of 16 million pixels.

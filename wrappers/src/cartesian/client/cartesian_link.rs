@@ -15,10 +15,10 @@ use yarp_ports::{Network, PortOptions};
 use yarp_wire::Bottle;
 
 use super::latest_pose::LatestPose;
-use super::options::RemoteCartesianOptions;
+use super::remote_cartesian_options::RemoteCartesianOptions;
 use crate::OpenError;
 use crate::cartesian::CartesianVersion;
-use crate::cartesian::messages::reply::{self, Values};
+use crate::cartesian::messages::cartesian_reply::{self, Values};
 use crate::cartesian::messages::{Query, Request};
 use crate::device_ports::{Link, RemotePorts, RpcPort, stream_port};
 use crate::reconnect::to_text;
@@ -137,7 +137,7 @@ impl ToolLink {
     /// Sends a request, and waits for the reply.
     pub(super) async fn ask(&self, request: &Request) -> Result<Values, DeviceError> {
         let message = request.to_bottle();
-        match reply::read(self.ports.call(&message).await?) {
+        match cartesian_reply::read(self.ports.call(&message).await?) {
             Some(Some(values)) => Ok(values),
             Some(None) => Err(self.refused(&message)),
             None => Err(self.unreadable(request)),

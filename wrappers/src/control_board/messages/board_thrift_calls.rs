@@ -12,9 +12,9 @@
 use yarp_devices::PidKind;
 use yarp_wire::{Bottle, Value};
 
-use super::arguments::{Argument, Arguments, CallLayout};
 use super::axis_selection::{Form, Selection};
-use super::request::{Get, Malformed, Request};
+use super::board_arguments::{Argument, Arguments, CallLayout};
+use super::board_request::{Get, Malformed, Request};
 use super::request_table::{Action, Row, Set, Setting};
 use crate::thrift::{GET_VERSION, Item, Message};
 

@@ -11,14 +11,14 @@
 use yarp_devices::PidKind;
 use yarp_wire::{Bottle, Value, Vocab32, WireVersion};
 
-use super::arguments::{Arguments, push};
 use super::axis_selection::{Form, Selection};
+use super::board_arguments::{Arguments, push};
+use super::board_request::{Get, Malformed, Request};
+use super::board_vocabulary as word;
 use super::number_parsing;
 use super::pid_messages;
-use super::request::{Get, Malformed, Request};
 use super::request_table::{Action, Place, Row, Set, Setting, is_prefix};
 use super::spelling::Spelling;
-use super::vocabulary as word;
 
 const V3: WireVersion = WireVersion::V3;
 

@@ -21,8 +21,8 @@ use super::super::messages::{
     Command, Get, ProtocolVersion, Query, Reply, Request, Selection, count,
 };
 use super::latest_state::LatestState;
-use super::motion_completion::Announcements;
-use super::options::RemoteControlBoardOptions;
+use super::remote_board_options::RemoteControlBoardOptions;
+use super::remote_motion_completion::Announcements;
 use crate::device_ports::{LatestValue, Link, RemotePorts, RpcPort, stream_port};
 use crate::reconnect::{to_text, unsupported_request};
 use crate::thrift::{ReturnCode, ServiceVersion};

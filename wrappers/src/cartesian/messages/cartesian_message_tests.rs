@@ -135,15 +135,18 @@ fn answers_are_those_of_stock() {
     let check = |bottle: Bottle, text: &str| assert_eq!(bottle.to_string(), text);
     check(acknowledged(), "[ack]");
     check(refused(), "[nack]");
-    check(reply::tracking(true), "[ack] [cont]");
-    check(reply::tracking(false), "[ack] [shot]");
-    check(reply::yes_or_no(true), "[ack] [true]");
-    check(reply::yes_or_no(false), "[ack] [fals]");
-    check(reply::number(2.0), "[ack] 2.0");
-    check(reply::id(1), "[ack] 1");
-    check(reply::limits(Limits::new(-1.0, 2.5)), "[ack] -1.0 2.5");
-    check(reply::dof(&[true, false]), "[ack] (1 0)");
-    check(reply::list(&[0.5, 1.0]), "[ack] (0.5 1.0)");
+    check(cartesian_reply::tracking(true), "[ack] [cont]");
+    check(cartesian_reply::tracking(false), "[ack] [shot]");
+    check(cartesian_reply::yes_or_no(true), "[ack] [true]");
+    check(cartesian_reply::yes_or_no(false), "[ack] [fals]");
+    check(cartesian_reply::number(2.0), "[ack] 2.0");
+    check(cartesian_reply::id(1), "[ack] 1");
+    check(
+        cartesian_reply::limits(Limits::new(-1.0, 2.5)),
+        "[ack] -1.0 2.5",
+    );
+    check(cartesian_reply::dof(&[true, false]), "[ack] (1 0)");
+    check(cartesian_reply::list(&[0.5, 1.0]), "[ack] (0.5 1.0)");
     let info = yarp_devices::CartesianInfo {
         server_version: "2.0".to_owned(),
         part: "arm".to_owned(),
@@ -151,17 +154,17 @@ fn answers_are_those_of_stock() {
         part_type: "wam7".to_owned(),
     };
     check(
-        reply::info(&info, CartesianVersion::V2_0),
+        cartesian_reply::info(&info, CartesianVersion::V2_0),
         "[ack] ((server_version \"2.0\") (arm_version \"1.0\") (arm_type wam7) (events (motion-onset motion-done motion-ongoing closing \"*\")))",
     );
     check(
-        reply::info(&info, CartesianVersion::V1_1),
+        cartesian_reply::info(&info, CartesianVersion::V1_1),
         "[ack] ((server_version 1.10000000000000008882) (arm_version \"1.0\") (arm_type wam7) (events (motion-onset motion-done motion-ongoing closing \"*\")))",
     );
     let stock = parsed(
         "[ack] ((server_version \"2.0\") (arm_version \"2.0\") (arm_type right_v2.0) (events (motion-onset)))",
     );
-    let read = reply::read(stock)
+    let read = cartesian_reply::read(stock)
         .flatten()
         .and_then(|values| values.info());
     assert_eq!(
@@ -221,7 +224,7 @@ proptest! {
                 prop_assert_eq!(format!("{again:?}"), format!("{:?}", Ok::<_, Malformed>(request)));
             }
             let _ = from_event(&message);
-            let _ = reply::read(message);
+            let _ = cartesian_reply::read(message);
         }
     }
 }

@@ -14,9 +14,9 @@
 
 use yarp_wire::{Bottle, Value, Vocab32};
 
+use super::camera_request::{Malformed, Request, flag, integer};
+use super::camera_vocab_requests::Reply;
 use super::reply_value::Answer;
-use super::request::{Malformed, Request, flag, integer};
-use super::vocab_requests::Reply;
 use crate::thrift::Item;
 
 pub(super) const INTERFACE: Vocab32 = Vocab32::new("fgfw");

@@ -6,7 +6,7 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 
 use crate::capture::{Run, Stream};
-use crate::mask;
+use crate::traffic_mask;
 
 /// Timeout after which an answer counts as missing.
 const REPLY_TIMEOUT: Duration = Duration::from_secs(20);
@@ -108,7 +108,7 @@ pub async fn play(recorded: &Stream, address: (&str, u16)) -> Result<(), String>
 /// Masks everything in an answer that may differ.
 fn comparable(bytes: &[u8], first: bool) -> Vec<u8> {
     if is_text(bytes) {
-        return mask::text(bytes).into_bytes();
+        return traffic_mask::text(bytes).into_bytes();
     }
     let mut bytes = bytes.to_vec();
     if first && bytes.len() >= HEADER_REPLY_BYTES && bytes.starts_with(b"YA") {

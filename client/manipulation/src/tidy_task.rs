@@ -3,7 +3,7 @@
 use crate::detector::{DetectError, Detector};
 use crate::item::{Class, Item};
 use crate::picker::{PickError, Picker};
-use crate::stop::StopRequest;
+use crate::stop_request::StopRequest;
 use crate::workcell::Workcell;
 
 /// Options of tidying.

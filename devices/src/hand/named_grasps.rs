@@ -1,7 +1,7 @@
 //! The grasps that the thesis gave names to.
 
 use super::gcl::{Command, Motor, MotorSet, Verb};
-use super::units;
+use super::hand_units;
 use crate::GraspKind;
 
 /// Target of the fingers in a needle or peg grasp, counts.
@@ -44,11 +44,11 @@ pub fn expected(kind: GraspKind) -> [Option<f64>; 4] {
         for motor in command.motors.into_iter().flat_map(MotorSet::iter) {
             let counts = match command.verb {
                 Verb::Open => 0.0,
-                Verb::Close => units::whole_way(motor),
+                Verb::Close => hand_units::whole_way(motor),
                 Verb::Move(Some(counts)) => f64::from(counts),
                 _ => continue,
             };
-            expected[motor.index()] = Some(units::degrees(motor, counts));
+            expected[motor.index()] = Some(hand_units::degrees(motor, counts));
         }
     }
     expected

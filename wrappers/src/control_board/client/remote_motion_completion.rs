@@ -16,7 +16,7 @@ use super::super::messages::{
     MotionEnd, MotionState, MotionUpdate, Numbered, Selection, Set, Setting,
 };
 use super::RemoteControlBoard;
-use super::link::{BoardLink, REFUSAL_ADVICE};
+use super::board_link::{BoardLink, REFUSAL_ADVICE};
 use crate::device_ports::{RemotePorts, stream_port};
 use crate::open_ports::open;
 use crate::reconnect::{check_exists, subscribe};

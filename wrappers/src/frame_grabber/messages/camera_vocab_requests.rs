@@ -12,9 +12,9 @@
 use yarp_devices::image::Crop;
 use yarp_wire::{Bottle, Value, Vocab32, WireVersion};
 
-use super::firewire;
+use super::camera_request::{Ability, Channel, Malformed, Request, flag, integer};
+use super::firewire_messages;
 use super::reply_value::Answer;
-use super::request::{Ability, Channel, Malformed, Request, flag, integer};
 use crate::control_board::messages::float;
 
 const COLOUR: Vocab32 = Vocab32::new("fgi");
@@ -85,7 +85,7 @@ fn spelling(request: &Request) -> Option<[Vocab32; 3]> {
 pub(super) fn to_bottle(request: &Request) -> Option<Bottle> {
     use Request as R;
     if let R::Firewire(what, values) = request {
-        return Some(firewire::to_bottle(*what, values));
+        return Some(firewire_messages::to_bottle(*what, values));
     }
     let mut bottle: Bottle = spelling(request)?.map(Value::from).into_iter().collect();
     let values: Vec<Value> = match request {
@@ -120,8 +120,8 @@ pub(super) fn parse(message: &Bottle) -> Result<Request, Malformed> {
     let unknown =
         |place: usize| Malformed::UnknownWord(word(place).unwrap_or(Vocab32::from_code(0)));
     let interface = word(0).ok_or(Malformed::Interface)?;
-    if interface == firewire::INTERFACE {
-        return firewire::parse(message);
+    if interface == firewire_messages::INTERFACE {
+        return firewire_messages::parse(message);
     }
     if ![COLOUR, RAW, PARAMETERS, CONTROLS].contains(&interface) {
         return Err(Malformed::Interface);
@@ -216,7 +216,10 @@ pub(super) fn crop(kind: i32, places: Vec<(i32, i32)>) -> Option<Crop> {
 /// The reply to a request that was done.
 pub(super) fn reply(request: &Request, answer: &Answer) -> Option<Bottle> {
     if let Request::Firewire(what, _) = request {
-        return Some(firewire::reply(*what, answer.items(WireVersion::V3)?));
+        return Some(firewire_messages::reply(
+            *what,
+            answer.items(WireVersion::V3)?,
+        ));
     }
     let [interface, act, what] = spelling(request)?;
     let head = match act {
@@ -245,7 +248,7 @@ pub(super) fn refusal(message: &Bottle, why: &str) -> Bottle {
         }
         Some(COLOUR | RAW) => Bottle::of(Vocab32::FAIL).with(why),
         Some(PARAMETERS | CONTROLS) => Bottle::of(Vocab32::FAIL),
-        Some(firewire::INTERFACE) => firewire::refusal(message),
+        Some(firewire_messages::INTERFACE) => firewire_messages::refusal(message),
         _ => Bottle::of(NAK),
     }
 }
@@ -253,7 +256,7 @@ pub(super) fn refusal(message: &Bottle, why: &str) -> Bottle {
 /// Reads the reply to a request; `None` if it is not a reply to it.
 pub(super) fn read(request: &Request, reply: &Bottle) -> Option<Reply> {
     if let Request::Firewire(what, _) = request {
-        return firewire::read(*what, reply);
+        return firewire_messages::read(*what, reply);
     }
     let [interface, act, what] = spelling(request)?;
     let word = |place: usize| reply.get(place).and_then(Value::as_vocab);
