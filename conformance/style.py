@@ -63,6 +63,31 @@ def is_table(lines):
     return sum("=>" in line or line.strip() in (")", "),", "}", "},") for line in lines) > len(lines) / 3
 
 
+def alternatives(text):
+    """Returns what `{a,b}` in a path stands for."""
+    group = re.search(r"\{([^{}]*)\}", text)
+    if not group:
+        return [text]
+    return [path for word in group[1].split(",") for path in alternatives(text[: group.start()] + word + text[group.end() :])]
+
+
+def dead_paths():
+    """Yields each path that a document names and that is not there, from the root, a crate, its `src/` or the document."""
+    folders = [path for path in ROOT.iterdir() if path.is_dir() and not path.name.startswith(".") and path.name != "target"]
+    places = [ROOT, *folders, *(path / "src" for path in folders)]
+    for document in sorted(path for folder in (ROOT, *folders) for path in folder.rglob("*.md") if path.name != "CHANGELOG.md"):
+        if {"node_modules", "target"} & set(document.parts):
+            continue
+        for number, line in enumerate(document.read_text(encoding="utf8").splitlines(), 1):
+            for text in re.findall(r"`([^`\s]+/[^`\s]*)`", line):
+                is_ours = text.split("/")[0] in {path.name for path in folders} or re.search(r"\.(rs|py|sh|md|toml)$", text)
+                if not is_ours or re.search(r'[<>$@:=|~"]|NAME|SERVER', text):
+                    continue
+                for path in alternatives(text.rstrip(".,;")):
+                    if not any(list(place.glob(path)) for place in (*places, document.parent, document.parent / "src") if place.is_dir()):
+                        yield f"{document.relative_to(ROOT)}:{number}: {path}"
+
+
 def measure():
     found = defaultdict(list)
     counts = defaultdict(int)
@@ -111,6 +136,7 @@ def check(found, counts):
     wrong = found["constant"] + found["length"]
     if share > MAX_OPENER_SHARE:
         wrong += found["opener"]
+    wrong += [f"{place} is not there" for place in dead_paths()]
     for line in wrong:
         print(line, file=sys.stderr)
     return 1 if wrong else 0

@@ -208,5 +208,5 @@ impl Set {
 }
 
 #[cfg(test)]
-#[path = "thrift_calls_tests.rs"]
+#[path = "board_thrift_calls_tests.rs"]
 mod tests;

@@ -253,5 +253,5 @@ impl Set {
 }
 
 #[cfg(test)]
-#[path = "vocab_requests_tests.rs"]
+#[path = "board_vocab_requests_tests.rs"]
 pub(super) mod tests;

@@ -278,5 +278,5 @@ fn count_axes(device: &dyn Device) -> Option<usize> {
 }
 
 #[cfg(test)]
-#[path = "request_handler_tests.rs"]
+#[path = "board_request_handler_tests.rs"]
 mod tests;
