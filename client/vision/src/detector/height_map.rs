@@ -61,6 +61,11 @@ impl DepthRays {
         Self { camera, directions }
     }
 
+    /// Returns the sensor.
+    pub(super) fn camera(&self) -> &CameraModel {
+        &self.camera
+    }
+
     /// Returns the points of a depth image.
     ///
     /// Errors: [`VisionError::Unsuitable`] if the image has another size than the sensor.
@@ -97,6 +102,17 @@ pub(super) struct Cloud {
 }
 
 impl Cloud {
+    /// Returns the points of all pixels, row after row.
+    pub(super) fn points(&self) -> &[Point3<f32>] {
+        &self.points
+    }
+
+    /// Returns the height above the table at a pixel, m; `None` where nothing was measured.
+    pub(super) fn height(&self, index: usize) -> Option<f32> {
+        let height = self.points.get(index)?.z;
+        height.is_finite().then_some(height)
+    }
+
     /// Returns whether something nearer hides what is beside a pixel.
     fn is_hidden_beside(&self, index: usize) -> bool {
         let (width, here) = (self.width as i64, self.points[index].z);
