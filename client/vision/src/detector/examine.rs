@@ -20,6 +20,8 @@ const SIZE_TOLERANCE: f64 = 0.005;
 pub(super) const HEIGHT_TOLERANCE: f64 = 0.004;
 /// Largest distance of an outline beyond the border of the image, pixels.
 const BORDER_TOLERANCE: f64 = 2.0;
+/// Smallest free share of the places beyond each side of a face of which nothing is hidden.
+const MIN_WHOLE: f64 = 0.8;
 /// Distance around the visible part of a face in which a print is looked for, m: what the colour camera sees beyond it.
 const PRINT_MARGIN: f64 = 0.045;
 /// Threads that examine faces.
@@ -71,9 +73,14 @@ impl Examiner<'_> {
         let fitted = outline::fit(face, &rim).map_err(VisionError::cv("fit an outline"))?;
         if let Some((outline, fill)) = fitted
             && fill >= self.parameters.min_fill
-            && self.view.least_free(&outline, face.height) >= MIN_FREE
         {
-            return self.refined(image, &outline, face.height, fill);
+            let free = self.view.least_free(&outline, face.height);
+            if free >= MIN_FREE {
+                let object = self.refined(image, &outline, face.height, fill)?;
+                if object.is_some() || free >= MIN_WHOLE {
+                    return Ok(object);
+                }
+            }
         }
         if let Some(circle) = outline::partial_circle(&rim)
             && self.view.least_free(&circle, face.height) >= MIN_FREE
