@@ -6,8 +6,10 @@ use nalgebra::Point3;
 use opencv::core::Mat;
 
 use super::height_map::Face;
-use super::outline::{self, Outline};
-use super::print_recognition::{Print, RectifiedFace};
+use super::outline::{self, Outline, RimPoint};
+use super::partial_polygon::{MIN_FREE, PartialPolygon};
+use super::print_recognition::{PlanePart, Print, RectifiedFace};
+use super::sight::DepthView;
 use super::{
     DetectorParameters, DetectorSetup, FoundObject, KindFace, ObjectDatabase, ObjectKind, refine,
 };
@@ -18,6 +20,10 @@ const SIZE_TOLERANCE: f64 = 0.005;
 pub(super) const HEIGHT_TOLERANCE: f64 = 0.004;
 /// Largest distance of an outline beyond the border of the image, pixels.
 const BORDER_TOLERANCE: f64 = 2.0;
+/// Smallest free share of the places beyond each side of a face of which nothing is hidden.
+const MIN_WHOLE: f64 = 0.8;
+/// Distance around the visible part of a face in which a print is looked for, m: what the colour camera sees beyond it.
+const PRINT_MARGIN: f64 = 0.045;
 /// Threads that examine faces.
 const THREADS: usize = 2;
 
@@ -28,6 +34,7 @@ pub(super) struct Examiner<'a> {
     pub(super) database: &'a ObjectDatabase,
     /// Prints of each kind.
     pub(super) prints: &'a [Vec<Mutex<Print>>],
+    pub(super) view: DepthView<'a>,
 }
 
 impl Examiner<'_> {
@@ -62,26 +69,167 @@ impl Examiner<'_> {
 
     /// Returns the object whose upper face this is.
     fn examine(&self, image: &Mat, face: &Face) -> Result<Option<FoundObject>> {
-        let failed = VisionError::cv("fit an outline");
-        let Some((outline, fill)) = outline::fit(face).map_err(failed)? else {
-            return Ok(None);
-        };
-        if fill < self.parameters.min_fill {
-            return Ok(None);
+        let rim = outline::rim(face);
+        let fitted = outline::fit(face, &rim).map_err(VisionError::cv("fit an outline"))?;
+        if let Some((outline, fill)) = fitted
+            && fill >= self.parameters.min_fill
+        {
+            let free = self.view.least_free(&outline, face.height);
+            if free >= MIN_FREE {
+                let object = self.refined(image, &outline, face.height, fill)?;
+                if object.is_some() || free >= MIN_WHOLE {
+                    return Ok(object);
+                }
+            }
         }
-        let height = self.setup.surface + face.height;
+        if let Some(circle) = outline::partial_circle(&rim)
+            && self.view.least_free(&circle, face.height) >= MIN_FREE
+            && let Some(object) = self.refined(image, &circle, face.height, 1.0)?
+        {
+            return Ok(Some(object));
+        }
+        if let Some(object) = self.partial_polygon(image, face, &rim)? {
+            return Ok(Some(object));
+        }
+        self.partial_print(image, face)
+    }
+
+    /// Returns the object with about this outline.
+    fn refined(
+        &self,
+        image: &Mat,
+        outline: &Outline,
+        height: f64,
+        fill: f64,
+    ) -> Result<Option<FoundObject>> {
+        let top = self.setup.surface + height;
         let camera = &self.setup.camera;
         let gradient = self.parameters.gradient;
-        let Some(around) = refine::Surroundings::new(image, camera, &outline, height, gradient)?
+        let Some(around) = refine::Surroundings::new(image, camera, outline, top, 0.0, gradient)?
         else {
             return Ok(None);
         };
-        let (outline, _) = around.refine(&outline, self.parameters.reach);
+        let (outline, _) = around.refine(outline, self.parameters.reach);
         let (outline, support) = around.refine(&outline, self.parameters.reach / 2.0);
-        if support < self.parameters.min_support || !self.is_within_image(&outline, height) {
+        if support < self.parameters.min_support || !self.is_within_image(&outline, top) {
             return Ok(None);
         }
-        self.named(image, &outline, face.height, fill * support)
+        self.named(image, &outline, height, fill * support)
+    }
+
+    /// Returns the object whose rectangle or triangle is hidden in part.
+    fn partial_polygon(
+        &self,
+        image: &Mat,
+        face: &Face,
+        rim: &[RimPoint],
+    ) -> Result<Option<FoundObject>> {
+        let top = self.setup.surface + face.height;
+        let gradient = self.parameters.gradient;
+        for sides in [4, 3] {
+            let fitted = PartialPolygon::fit(&face.points, rim, sides, face.height, &self.view);
+            let Some(mut polygon) = fitted else {
+                continue;
+            };
+            let Some(seen) = polygon.outline() else {
+                continue;
+            };
+            if !polygon.is_complete() {
+                let reach = self.largest_side(sides);
+                let camera = &self.setup.camera;
+                let around = refine::Surroundings::new(image, camera, &seen, top, reach, gradient)?;
+                let Some(around) = around else { continue };
+                let support = |ends, normal| {
+                    around.edges_along(ends, normal, |point| {
+                        self.view.is_covered_beyond(point, normal, face.height)
+                    })
+                };
+                if !polygon.complete(reach, &self.view, support) {
+                    continue;
+                }
+            }
+            let Some(outline) = polygon.outline() else {
+                continue;
+            };
+            if let Some(object) = self.refined(image, &outline, face.height, 1.0)?
+                && self.agrees(&object, face)
+            {
+                return Ok(Some(object));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Returns the printed object of which the face shows a part: the print says where it ends.
+    fn partial_print(&self, image: &Mat, face: &Face) -> Result<Option<FoundObject>> {
+        let top = self.setup.surface + face.height;
+        let mut part = None;
+        let mut best: Option<(usize, [[f64; 2]; 4], usize)> = None;
+        for (index, kind) in self.database.kinds.iter().enumerate() {
+            let [low, high] = kind.height;
+            if !(low - HEIGHT_TOLERANCE..=high + HEIGHT_TOLERANCE).contains(&face.height) {
+                continue;
+            }
+            for print in &self.prints[index] {
+                if part.is_none() {
+                    let bounds = bounds(&face.points, PRINT_MARGIN);
+                    part = Some(PlanePart::new(image, &self.setup.camera, bounds, top)?);
+                }
+                let Some(part) = &part else { continue };
+                let mut print = print.lock().unwrap_or_else(PoisonError::into_inner);
+                if let Some((corners, inliers)) = part.place(&mut print, self.parameters.ratio)?
+                    && inliers >= self.parameters.min_inliers
+                    && best.is_none_or(|(.., most)| inliers > most)
+                {
+                    best = Some((index, corners, inliers));
+                }
+            }
+        }
+        let Some((index, corners, inliers)) = best else {
+            return Ok(None);
+        };
+        let outline = Outline::Polygon(corners.to_vec());
+        if !self.is_within_image(&outline, top) {
+            return Ok(None);
+        }
+        let lengths = sides(&corners);
+        let kind = self.database.kinds[index].name.clone();
+        let named = Named {
+            shape: Shape::Textured {
+                model: kind.clone(),
+            },
+            kind,
+            size: [lengths[0].max(lengths[1]), lengths[0].min(lengths[1])],
+            score: Some(inliers as f64),
+        };
+        let object = self.located(&outline, face.height, named, 1.0);
+        Ok(object.filter(|object| self.agrees(object, face)))
+    }
+
+    /// Returns the longest side of a polygon with this many sides that the database has, m.
+    fn largest_side(&self, sides: usize) -> f64 {
+        let longest = self.database.kinds.iter().map(|kind| match &kind.face {
+            KindFace::Rectangle { sides: [_, high] } if sides == 4 => *high,
+            KindFace::Printed {
+                sides: [_, high], ..
+            } if sides == 4 => *high,
+            KindFace::Triangle { sides: [_, high] } if sides == 3 => *high,
+            _ => 0.0,
+        });
+        longest.fold(0.0, f64::max)
+    }
+
+    /// Returns whether an outline contains the points of a face, and nothing that the depth image shows to be free.
+    fn agrees(&self, object: &FoundObject, face: &Face) -> bool {
+        let camera = &self.setup.camera;
+        let top = self.setup.surface + face.height;
+        let on_plane = |pixel: &[f64; 2]| -> Option<[f64; 2]> {
+            let point = camera.on_plane(*pixel, top)?;
+            Some([point.x, point.y])
+        };
+        let corners: Option<Vec<[f64; 2]>> =
+            object.detection.contour.iter().map(on_plane).collect();
+        corners.is_some_and(|corners| self.view.agrees(&corners, face))
     }
 
     /// Returns whether an outline lies within the image: of one that does not, nobody knows where it ends.
@@ -109,10 +257,6 @@ impl Examiner<'_> {
         let camera = &self.setup.camera;
         let top = self.setup.surface + height;
         let contour = refine::pixels(camera, outline, top);
-        let [x, y] = outline.centre();
-        let Some(centre) = camera.project(&Point3::new(x, y, top)) else {
-            return Ok(None);
-        };
         let named = match outline {
             Outline::Circle { radius, .. } => self.circle(*radius, height),
             Outline::Polygon(corners) if corners.len() == 3 => {
@@ -122,23 +266,34 @@ impl Examiner<'_> {
                 self.rectangle(image, &sides(corners), &contour, height)?
             }
         };
-        let Some(named) = named else {
-            return Ok(None);
-        };
+        Ok(named.and_then(|named| self.located(outline, height, named, score)))
+    }
+
+    /// Returns the object with this outline and name.
+    fn located(
+        &self,
+        outline: &Outline,
+        height: f64,
+        named: Named,
+        score: f64,
+    ) -> Option<FoundObject> {
+        let camera = &self.setup.camera;
+        let top = self.setup.surface + height;
+        let [x, y] = outline.centre();
         let detection = Detection {
             shape: named.shape,
-            centre,
-            contour,
+            centre: camera.project(&Point3::new(x, y, top))?,
+            contour: refine::pixels(camera, outline, top),
             score: named.score.unwrap_or(score),
         };
         let pose = camera.pose_of(&detection, Elevation::Height(top));
-        Ok(Some(FoundObject {
+        Some(FoundObject {
             kind: named.kind,
             detection,
             pose,
             height: Some(height),
             size: Some(named.size),
-        }))
+        })
     }
 
     fn circle(&self, radius: f64, height: f64) -> Option<Named> {
@@ -283,6 +438,18 @@ struct Named {
 
 fn fits(value: f64, [low, high]: [f64; 2]) -> bool {
     (low - SIZE_TOLERANCE..=high + SIZE_TOLERANCE).contains(&value)
+}
+
+/// Returns the smallest and largest x and y of points, with a margin.
+fn bounds(points: &[[f64; 2]], margin: f64) -> [[f64; 2]; 2] {
+    let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+    for point in points {
+        for axis in 0..2 {
+            low[axis] = low[axis].min(point[axis] - margin);
+            high[axis] = high[axis].max(point[axis] + margin);
+        }
+    }
+    [low, high]
 }
 
 fn sides(corners: &[[f64; 2]]) -> Vec<f64> {

@@ -1,14 +1,12 @@
-//! Heights above the table, seen from above, and connected faces of one height.
+//! Heights above the table in the depth image, and connected faces of one height.
 
 use nalgebra::{Point3, Vector3};
 
 use crate::{CameraModel, DepthImage, Result, VisionError};
 
-/// Side of a cell, m.
-const CELL: f64 = 0.002;
-/// Cells between two cells of one face: lost measurements leave gaps.
+/// Pixels between two pixels of one face: lost measurements leave gaps.
 const REACH: i64 = 2;
-/// Height up to which a cell must have neighbours of about its height, m: noise on flat things.
+/// Height up to which a pixel must have neighbours of about its height, m: noise on flat things.
 const LOW: f32 = 0.025;
 /// Width of the bins of the histogram of heights, m.
 const BIN: f32 = 0.002;
@@ -16,8 +14,6 @@ const BIN: f32 = 0.002;
 /// from which that one hides something.
 const BESIDE: usize = 4;
 const NEARER: f32 = 0.025;
-/// Maximum number of cells along one side.
-const MAX_CELLS: usize = 2000;
 
 /// Bounds of the search for faces.
 #[derive(Clone, Copy, Debug)]
@@ -61,6 +57,11 @@ impl DepthRays {
         Self { camera, directions }
     }
 
+    /// Returns the sensor.
+    pub(super) fn camera(&self) -> &CameraModel {
+        &self.camera
+    }
+
     /// Returns the points of a depth image.
     ///
     /// Errors: [`VisionError::Unsuitable`] if the image has another size than the sensor.
@@ -97,6 +98,17 @@ pub(super) struct Cloud {
 }
 
 impl Cloud {
+    /// Returns the points of all pixels, row after row.
+    pub(super) fn points(&self) -> &[Point3<f32>] {
+        &self.points
+    }
+
+    /// Returns the height above the table at a pixel, m; `None` where nothing was measured.
+    pub(super) fn height(&self, index: usize) -> Option<f32> {
+        let height = self.points.get(index)?.z;
+        height.is_finite().then_some(height)
+    }
+
     /// Returns whether something nearer hides what is beside a pixel.
     fn is_hidden_beside(&self, index: usize) -> bool {
         let (width, here) = (self.width as i64, self.points[index].z);
@@ -115,40 +127,30 @@ impl Cloud {
     }
 }
 
-/// Grid over a part of the table.
+/// Heights of the pixels of a depth image that show a part of the table. What hangs above a face hides none of its pixels:
+/// a grid in the plane of the table would have both in one cell.
 pub(super) struct HeightMap {
-    origin: [f32; 2],
     columns: usize,
     rows: usize,
-    /// Largest height in each cell, m; minus infinity where nothing was measured.
+    /// Height at each pixel, m; minus infinity outside of the part and where nothing was measured.
     cells: Vec<f32>,
 }
 
 impl HeightMap {
-    /// Puts points on a grid between two corners.
+    /// Takes the points between two corners.
     pub(super) fn new(cloud: &Cloud, low: [f64; 2], high: [f64; 2]) -> Self {
-        let length = |axis: usize| {
-            (((high[axis] - low[axis]) / CELL).ceil().max(1.0) as usize).min(MAX_CELLS)
+        let [low, high] = [low, high].map(|corner| corner.map(|value| value as f32));
+        let height = |point: &Point3<f32>| {
+            let inside =
+                (low[0]..high[0]).contains(&point.x) && (low[1]..high[1]).contains(&point.y);
+            if inside { point.z } else { f32::NEG_INFINITY }
         };
-        let mut map = Self {
-            origin: low.map(|value| value as f32),
-            columns: length(0),
-            rows: length(1),
-            cells: vec![f32::NEG_INFINITY; length(0) * length(1)],
-        };
-        for point in &cloud.points {
-            if let Some(cell) = map.cell(point) {
-                map.cells[cell] = map.cells[cell].max(point.z);
-            }
+        let columns = cloud.width.max(1);
+        Self {
+            columns,
+            rows: cloud.points.len() / columns,
+            cells: cloud.points.iter().map(height).collect(),
         }
-        map
-    }
-
-    fn cell(&self, point: &Point3<f32>) -> Option<usize> {
-        let x = (point.x - self.origin[0]) / CELL as f32;
-        let y = (point.y - self.origin[1]) / CELL as f32;
-        let inside = x >= 0.0 && y >= 0.0 && x < self.columns as f32 && y < self.rows as f32;
-        inside.then(|| y as usize * self.columns + x as usize)
     }
 
     fn around(&self, cell: usize, reach: i64) -> impl Iterator<Item = usize> + '_ {
@@ -211,10 +213,7 @@ impl HeightMap {
         };
         let mut faces = vec![empty; tops.len()];
         for (index, point) in cloud.points.iter().enumerate() {
-            let Some(cell) = self.cell(point) else {
-                continue;
-            };
-            let label = labels[cell] as usize;
+            let label = labels[index] as usize;
             if label != 0 && (point.z - tops[label]).abs() < limits.thickness as f32 {
                 let face = &mut faces[label];
                 face.height += f64::from(point.z);

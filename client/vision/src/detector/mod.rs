@@ -7,6 +7,8 @@
 //! | `examine` | from a face to a named object |
 //! | `height_map` | heights above the table, connected faces |
 //! | `outline` | circle, rectangle or triangle through the points of a face |
+//! | `partial_polygon` | rectangles and triangles of which something hides a part |
+//! | `sight` | places that the depth sensor sees free, or does not see |
 //! | `refine` | outlines moved onto the edges of the colour image |
 //! | `print_recognition` | SIFT features of a face against prints |
 
@@ -14,10 +16,12 @@ mod database;
 mod examine;
 mod height_map;
 mod outline;
+mod partial_polygon;
 mod print_recognition;
 mod refine;
+mod sight;
 
-use std::sync::Mutex;
+use std::sync::{Mutex, OnceLock};
 
 use serde::{Deserialize, Serialize};
 
@@ -30,6 +34,7 @@ use crate::{
 use examine::{Examiner, HEIGHT_TOLERANCE};
 use height_map::{DepthRays, FaceLimits, HeightMap};
 use print_recognition::Print;
+use sight::DepthView;
 
 /// Cameras and table of a [`Detector`].
 #[derive(Clone, Debug, PartialEq)]
@@ -239,6 +244,13 @@ impl Detector {
             parameters: &self.parameters,
             database: &self.database,
             prints: &self.prints,
+            view: DepthView {
+                camera: rays.camera(),
+                cloud: &points,
+                colour: &self.setup.camera,
+                surface: self.setup.surface,
+                cover: OnceLock::new(),
+            },
         };
         let mut found = examiner.examine_all(&pixels, &faces)?;
         // Algorithm 1: printed objects, then circles, then polygons; none has its centre in an earlier one.

@@ -11,14 +11,12 @@ use crate::object_shape::polygon_area;
 const DIRECTIONS: usize = 72;
 /// Largest distance of a point from its circle, m.
 const CIRCLE_REACH: f64 = 0.0018;
-/// Largest distance of a point from its side, m.
-const SIDE_REACH: f64 = 0.003;
-/// Fewest points of the rim on each side of a face of which something hides a part.
-const MIN_SIDE_RIM: usize = 5;
-/// Smallest share of the rim of a round face that lies on its circle.
+/// Smallest share of the rim in sight of a round face that lies on its circle, and of one of which a part is hidden.
 const MIN_CIRCLE: f64 = 0.7;
-/// Points of a whole face that may have something nearer beside them.
-const MAX_HIDDEN: usize = 4;
+const MIN_ARC: f64 = 0.8;
+/// Fewest points of the rim in sight of a circle, and of one of which a part is hidden.
+const MIN_CIRCLE_RIM: usize = DIRECTIONS / 3;
+const MIN_ARC_RIM: usize = DIRECTIONS / 6;
 /// Circles through three points that are tried.
 const TRIALS: usize = 120;
 /// OpenCV's outlines have single precision: they are computed in mm about the middle of the face.
@@ -45,15 +43,24 @@ impl Outline {
     }
 }
 
+/// The farthest point of a face in some direction.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct RimPoint {
+    pub(super) point: [f64; 2],
+    /// True if something nearer may hide more of the face beyond it.
+    pub(super) hidden: bool,
+}
+
 /// Returns the outline that fits a face best, with the share of it that the points agree with, 0 to 1.
-pub(super) fn fit(face: &Face) -> opencv::Result<Option<(Outline, f64)>> {
+pub(super) fn fit(face: &Face, rim: &[RimPoint]) -> opencv::Result<Option<(Outline, f64)>> {
     let points = &face.points;
     if points.len() < 3 {
         return Ok(None);
     }
     let middle = mean(points);
-    let rim = rim(face, middle);
-    if let Some((outline, share)) = circle(&rim)
+    let rim = in_sight(rim);
+    if rim.len() >= MIN_CIRCLE_RIM
+        && let Some((outline, share)) = circle(&rim)
         && share >= MIN_CIRCLE
     {
         return Ok(Some((outline, share)));
@@ -86,13 +93,7 @@ pub(super) fn fit(face: &Face) -> opencv::Result<Option<(Outline, f64)>> {
         3 | 4 => area / polygon_area(outline).max(1e-12),
         _ => 0.0,
     };
-    // Where something hides a part of the face, its area says nothing: the rim that is in sight does.
-    let is_whole = face.hidden_beside.iter().filter(|hidden| **hidden).count() <= MAX_HIDDEN;
-    let share = |outline: &[[f64; 2]]| match is_whole {
-        true => fill(outline),
-        false => on_sides(outline, &rim),
-    };
-    let (of_rectangle, of_triangle) = (share(&rectangle), share(&triangle));
+    let (of_rectangle, of_triangle) = (fill(&rectangle), fill(&triangle));
     Ok(Some(if of_rectangle >= of_triangle {
         (Outline::Polygon(rectangle), of_rectangle)
     } else {
@@ -100,45 +101,39 @@ pub(super) fn fit(face: &Face) -> opencv::Result<Option<(Outline, f64)>> {
     }))
 }
 
-/// Returns the farthest point of a face in each direction, where nothing hides what may be beyond it.
-fn rim(face: &Face, middle: [f64; 2]) -> Vec<[f64; 2]> {
-    let mut farthest: Vec<Option<(f64, [f64; 2], bool)>> = vec![None; DIRECTIONS];
-    for (point, hidden) in face.points.iter().zip(&face.hidden_beside) {
+/// Returns the circle through the rim of a face of which a part is hidden; `None` if too little of the rim lies on it.
+pub(super) fn partial_circle(rim: &[RimPoint]) -> Option<Outline> {
+    let rim = in_sight(rim);
+    if rim.len() < MIN_ARC_RIM {
+        return None;
+    }
+    let (outline, share) = circle(&rim)?;
+    (share >= MIN_ARC).then_some(outline)
+}
+
+fn in_sight(rim: &[RimPoint]) -> Vec<[f64; 2]> {
+    let seen = rim.iter().filter(|point| !point.hidden);
+    seen.map(|point| point.point).collect()
+}
+
+/// Returns the farthest point of a face in each direction.
+pub(super) fn rim(face: &Face) -> Vec<RimPoint> {
+    let middle = mean(&face.points);
+    let mut farthest: Vec<Option<(f64, RimPoint)>> = vec![None; DIRECTIONS];
+    for (&point, &hidden) in face.points.iter().zip(&face.hidden_beside) {
         let [x, y] = [point[0] - middle[0], point[1] - middle[1]];
         let turn = y.atan2(x) / std::f64::consts::TAU + 0.5;
         let slot = &mut farthest[(turn * DIRECTIONS as f64) as usize % DIRECTIONS];
         let distance = x.hypot(y);
-        if slot.is_none_or(|(other, ..)| distance > other) {
-            *slot = Some((distance, *point, *hidden));
+        if slot.is_none_or(|(other, _)| distance > other) {
+            *slot = Some((distance, RimPoint { point, hidden }));
         }
     }
-    let seen = farthest.iter().flatten().filter(|(.., hidden)| !hidden);
-    seen.map(|(_, point, _)| *point).collect()
-}
-
-/// Returns the share of the rim that lies on the sides of a polygon; 0 if a side has little of the rim: then it is where
-/// something begins to hide the face, and nobody knows where the face ends.
-fn on_sides(corners: &[[f64; 2]], rim: &[[f64; 2]]) -> f64 {
-    let near = |point: &[f64; 2], index: usize| {
-        let (a, b) = (corners[index], corners[(index + 1) % corners.len()]);
-        let [dx, dy] = [b[0] - a[0], b[1] - a[1]];
-        let across = (point[0] - a[0]) * dy - (point[1] - a[1]) * dx;
-        across.abs() / dx.hypot(dy).max(1e-9) < SIDE_REACH
-    };
-    let sides = 0..corners.len();
-    let of_side = |index: usize| rim.iter().filter(|point| near(point, index)).count();
-    if corners.len() < 3 || sides.clone().any(|index| of_side(index) < MIN_SIDE_RIM) {
-        return 0.0;
-    }
-    let on_any = |point: &&[f64; 2]| sides.clone().any(|index| near(point, index));
-    rim.iter().filter(on_any).count() as f64 / rim.len() as f64
+    farthest.iter().flatten().map(|(_, point)| *point).collect()
 }
 
 /// Returns the circle through the rim of a face, and the share of the rim that lies on it.
 fn circle(rim: &[[f64; 2]]) -> Option<(Outline, f64)> {
-    if rim.len() < DIRECTIONS / 3 {
-        return None;
-    }
     let on = |(centre, radius): &([f64; 2], f64)| -> Vec<[f64; 2]> {
         let near = |point: &&[f64; 2]| {
             let distance = (point[0] - centre[0]).hypot(point[1] - centre[1]);

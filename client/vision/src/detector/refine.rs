@@ -6,6 +6,7 @@ use nalgebra::Point3;
 use opencv::core::{Mat, MatTraitConst, Rect};
 
 use super::outline::{Outline, circle_through, mean};
+use super::partial_polygon::EdgeSupport;
 use crate::recognition::Edges;
 use crate::{CameraModel, Result, VisionError};
 
@@ -16,6 +17,10 @@ const SIDE_SAMPLES: usize = 32;
 const CORNER: f64 = 0.08;
 /// Margin of the part of the image around an outline, pixels.
 const MARGIN: i32 = 12;
+/// Largest distance of an edge from the place at which a hidden side is tried, pixels, and the strength that counts of it,
+/// grey values per pixel: a few strong edges across the side are no side.
+const HIDDEN_REACH: f64 = 1.0;
+const MAX_STRENGTH: f64 = 12.0;
 /// Fewest supported samples of a side that move it.
 const MIN_SIDE_SUPPORT: usize = 10;
 
@@ -30,19 +35,22 @@ pub(super) struct Surroundings<'a> {
 }
 
 impl<'a> Surroundings<'a> {
-    /// Cuts the surroundings of an outline out of the image; `None` if they are outside.
+    /// Cuts the surroundings of an outline, `reach` m wide, out of the image; `None` if they are outside.
     pub(super) fn new(
         image: &Mat,
         camera: &'a CameraModel,
         outline: &Outline,
         height: f64,
+        reach: f64,
         gradient: f64,
     ) -> Result<Option<Self>> {
         let pixels = pixels(camera, outline, height);
+        let distance = (camera.pose.translation.vector.z - height).max(1e-3);
+        let margin = MARGIN + (reach * camera.intrinsics.focal[0] / distance) as i32;
         let bounds = |axis: usize| {
             let values = pixels.iter().map(|pixel| pixel[axis]);
-            let low = values.clone().fold(f64::INFINITY, f64::min) as i32 - MARGIN;
-            let high = values.fold(f64::NEG_INFINITY, f64::max) as i32 + MARGIN;
+            let low = values.clone().fold(f64::INFINITY, f64::min) as i32 - margin;
+            let high = values.fold(f64::NEG_INFINITY, f64::max) as i32 + margin;
             let size = if axis == 0 {
                 image.cols()
             } else {
@@ -93,6 +101,44 @@ impl<'a> Surroundings<'a> {
         // Pixels per mm is what `length` is.
         let metres = offset / length * 1e-3;
         Some([0, 1].map(|axis| point[axis] + metres * normal[axis]))
+    }
+
+    /// Returns the share of a side that lies on edges along it, with the mean of their strengths. Places beyond which the
+    /// camera is `covered` do not count.
+    pub(super) fn edges_along(
+        &self,
+        [a, b]: [[f64; 2]; 2],
+        normal: [f64; 2],
+        covered: impl Fn([f64; 2]) -> bool,
+    ) -> EdgeSupport {
+        let pixel = |point: [f64; 2]| {
+            let [u, v] = self
+                .camera
+                .project(&Point3::new(point[0], point[1], self.height))?;
+            Some([u - self.corner[0], v - self.corner[1]])
+        };
+        let (mut on, mut sum) = (0, 0.0);
+        for sample in 0..SIDE_SAMPLES {
+            let part = (sample as f64 + 0.5) / SIDE_SAMPLES as f64;
+            let part = CORNER + (1.0 - 2.0 * CORNER) * part;
+            let point = [0, 1].map(|axis| a[axis] + part * (b[axis] - a[axis]));
+            let beside = [0, 1].map(|axis| point[axis] + 1e-3 * normal[axis]);
+            let (Some(here), Some(beside)) = (pixel(point), pixel(beside)) else {
+                continue;
+            };
+            let across = [beside[0] - here[0], beside[1] - here[1]];
+            let length = across[0].hypot(across[1]).max(1e-9);
+            let across = across.map(|value| value / length);
+            if let Some((_, strength)) = self.edges.strongest(here, across, HIDDEN_REACH)
+                && strength >= self.gradient
+                && !covered(point)
+            {
+                on += 1;
+                sum += strength.min(MAX_STRENGTH);
+            }
+        }
+        let count = SIDE_SAMPLES as f64;
+        (f64::from(on) / count, sum / count)
     }
 
     /// Moves an outline onto the edges near it, and returns it with the share of it that lies on edges.

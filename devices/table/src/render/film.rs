@@ -4,13 +4,15 @@ use std::sync::{Mutex, OnceLock};
 
 use super::{THREADS, next, work};
 use crate::lighting::Effects;
-use crate::random::hash;
+use crate::random::{Random, hash};
 use crate::texture::encode;
 
 /// Entries of the table from light to sRGB, for light 0 to 1.
 const LEVELS: usize = 4096;
 /// Rows that a thread takes at a time.
 const BAND: usize = 16;
+/// Numbers from which the noise is drawn: 14 random bits each.
+const GAUSSIANS: usize = 1 << 14;
 
 type Light = [f32; 3];
 
@@ -32,7 +34,7 @@ pub(super) fn develop(mut light: Vec<Light>, width: usize, effects: &Effects) ->
             for (offset, bytes) in bytes.chunks_mut(width * 3).enumerate() {
                 let row = number * BAND + offset;
                 blur_column(&light, width, height, row, &kernel, &mut row_light);
-                expose(&row_light, row, [width, height], effects, bytes);
+                expose(&mut row_light, row, [width, height], effects, bytes);
             }
         }
     });
@@ -62,19 +64,25 @@ fn blur_rows(light: &mut [Light], width: usize, kernel: &[f32]) {
                 wide[..reach].fill(row[0]);
                 wide[reach..reach + width].copy_from_slice(row);
                 wide[reach + width..].fill(row[width - 1]);
-                let from = wide.as_flattened();
                 let to = row.as_flattened_mut();
-                for (index, value) in to.iter_mut().enumerate() {
-                    let middle = index + 3 * reach;
-                    let mut sum = from[middle] * kernel[0];
-                    for (step, weight) in kernel.iter().enumerate().skip(1) {
-                        sum += weight * (from[middle - 3 * step] + from[middle + 3 * step]);
-                    }
-                    *value = sum;
+                for value in to.iter_mut() {
+                    *value *= kernel[0];
+                }
+                for (step, weight) in kernel.iter().enumerate().skip(1) {
+                    let left = wide[reach - step..reach - step + width].as_flattened();
+                    let right = wide[reach + step..reach + step + width].as_flattened();
+                    add_pair(to, left, right, *weight);
                 }
             }
         }
     });
+}
+
+/// Adds the weighted sum of two rows, one step to either side, to a row.
+fn add_pair(to: &mut [f32], one: &[f32], other: &[f32], weight: f32) {
+    for (value, (one, other)) in to.iter_mut().zip(one.iter().zip(other)) {
+        *value += weight * (one + other);
+    }
 }
 
 fn blur_column(
@@ -93,71 +101,82 @@ fn blur_column(
     for (step, weight) in kernel.iter().enumerate().skip(1) {
         let above = at(row.saturating_sub(step));
         let below = at((row + step).min(height - 1));
-        for (value, (above, below)) in out.iter_mut().zip(above.iter().zip(below)) {
-            *value += weight * (above + below);
-        }
+        add_pair(out, above, below, *weight);
     }
 }
 
 /// The mean of images shifted along the motion.
 fn moved(light: &[Light], width: usize, motion: [f32; 2]) -> Vec<Light> {
     let height = light.len() / width;
-    let length = motion[0].hypot(motion[1]);
-    let taps = (length.ceil() as usize * 2 + 1).min(33);
-    let shifts: Vec<[f32; 2]> = (0..taps)
-        .map(|tap| tap as f32 / (taps - 1).max(1) as f32 - 0.5)
-        .map(|part| [motion[0] * part, motion[1] * part])
-        .collect();
+    let kernel = motion_kernel(motion);
     let mut all = vec![[0.0; 3]; light.len()];
     let rows = Mutex::new(all.chunks_mut(width).enumerate());
     work(THREADS, || {
         while let Some((row, out)) = next(&rows) {
-            for shift in &shifts {
-                add_shifted(light, [width, height], row, *shift, out);
-            }
-            for value in out.as_flattened_mut() {
-                *value /= taps as f32;
+            for &([right, down], weight) in &kernel {
+                let row = (row as i64 + down).clamp(0, height as i64 - 1) as usize;
+                add_shifted(&light[row * width..(row + 1) * width], right, weight, out);
             }
         }
     });
     all
 }
 
-fn add_shifted(
-    light: &[Light],
-    [width, height]: [usize; 2],
-    row: usize,
-    [right, down]: [f32; 2],
-    out: &mut [Light],
-) {
-    let y = (row as f32 - down).clamp(0.0, (height - 1) as f32);
-    let upper = y as usize;
-    let lower = (upper + 1).min(height - 1);
-    let b = y - upper as f32;
-    let whole = (-right).floor();
-    let a = -right - whole;
-    let column = |column: usize, more: i64| {
-        (column as i64 + whole as i64 + more).clamp(0, width as i64 - 1) as usize
-    };
-    for (index, value) in out.iter_mut().enumerate() {
-        let (x0, x1) = (column(index, 0), column(index, 1));
-        let corner = |x: usize, y: usize| light[y * width + x];
+/// Returns the pixels to the right and below whose light a moving pixel collects, with their weights: the bilinear weights
+/// of all positions during the motion, added up once for the whole image.
+fn motion_kernel(motion: [f32; 2]) -> Vec<([i64; 2], f32)> {
+    let length = motion[0].hypot(motion[1]);
+    let taps = (length.ceil() as usize * 2 + 1).min(33);
+    let mut kernel: Vec<([i64; 2], f32)> = Vec::new();
+    for tap in 0..taps {
+        let part = tap as f32 / (taps - 1).max(1) as f32 - 0.5;
+        let from = motion.map(|along| -along * part);
+        let whole = from.map(f32::floor);
+        let [a, b] = [from[0] - whole[0], from[1] - whole[1]];
         let corners = [
-            (corner(x0, upper), (1.0 - a) * (1.0 - b)),
-            (corner(x1, upper), a * (1.0 - b)),
-            (corner(x0, lower), (1.0 - a) * b),
-            (corner(x1, lower), a * b),
+            ([0, 0], (1.0 - a) * (1.0 - b)),
+            ([1, 0], a * (1.0 - b)),
+            ([0, 1], (1.0 - a) * b),
+            ([1, 1], a * b),
         ];
-        for (light, weight) in corners {
-            for (value, light) in value.iter_mut().zip(light) {
-                *value += light * weight;
+        for (corner, weight) in corners {
+            let offset = [0, 1].map(|axis| whole[axis] as i64 + corner[axis]);
+            let weight = weight / taps as f32;
+            match kernel.iter_mut().find(|(other, _)| *other == offset) {
+                Some((_, sum)) => *sum += weight,
+                None => kernel.push((offset, weight)),
             }
         }
     }
+    kernel.retain(|(_, weight)| *weight > 0.0);
+    kernel
+}
+
+/// Adds a weighted row, shifted to the left by `right` pixels, to a row; the ends are repeated.
+fn add_shifted(from: &[Light], right: i64, weight: f32, out: &mut [Light]) {
+    let width = from.len() as i64;
+    let first = (-right).clamp(0, width);
+    let last = (width - right).clamp(first, width);
+    let source = (first + right).clamp(0, width) as usize;
+    let (first, last) = (first as usize, last as usize);
+    let source = &from[source..source + (last - first)];
+    let middle = out[first..last].as_flattened_mut().iter_mut();
+    for (value, light) in middle.zip(source.as_flattened()) {
+        *value += light * weight;
+    }
+    let mut repeat = |range: std::ops::Range<usize>, end: Light| {
+        for value in &mut out[range] {
+            for (value, light) in value.iter_mut().zip(end) {
+                *value += light * weight;
+            }
+        }
+    };
+    repeat(0..first, from[0]);
+    repeat(last..from.len(), from[from.len() - 1]);
 }
 
 fn expose(
-    light: &[Light],
+    light: &mut [Light],
     row: usize,
     [width, height]: [usize; 2],
     effects: &Effects,
@@ -166,44 +185,48 @@ fn expose(
     let table = curve();
     let corner = (width * width + height * height) as f32 / 4.0;
     let down = row as f32 - (height as f32 - 1.0) / 2.0;
-    let noisy = effects.shot_noise > 0.0 || effects.read_noise > 0.0;
-    for (column, (light, bytes)) in light.iter().zip(bytes.chunks_exact_mut(3)).enumerate() {
+    for (column, light) in light.iter_mut().enumerate() {
         let right = column as f32 - (width as f32 - 1.0) / 2.0;
         let share = (right * right + down * down) / corner;
         let factor = effects.exposure * (1.0 - effects.vignetting * share);
-        let noise = if noisy {
-            let pixel = (row * width + column) as u64;
-            gaussians(
-                hash(effects.seed ^ pixel << 20),
-                hash(effects.seed ^ !pixel << 20),
-            )
-        } else {
-            [0.0; 3]
-        };
-        for channel in 0..3 {
-            let mut value = light[channel] * factor;
-            if noisy {
-                let variance = effects.shot_noise * value + effects.read_noise * effects.read_noise;
-                value += variance.max(0.0).sqrt() * noise[channel];
-            }
-            let level = (value.clamp(0.0, 1.0) * (LEVELS - 1) as f32 + 0.5) as usize;
-            bytes[channel] = table[level];
+        *light = light.map(|value| value * factor);
+    }
+    if effects.shot_noise > 0.0 || effects.read_noise > 0.0 {
+        add_noise(light, row, effects);
+    }
+    for (value, byte) in light.as_flattened().iter().zip(bytes) {
+        let level = (value.clamp(0.0, 1.0) * (LEVELS - 1) as f32 + 0.5) as usize;
+        *byte = table[level.min(LEVELS - 1)];
+    }
+}
+
+/// Adds the noise of a row: one generator per row, so that rows can be computed in any order.
+fn add_noise(light: &mut [Light], row: usize, effects: &Effects) {
+    let table = gaussians();
+    let mut random = Random::for_purpose(effects.seed, hash(row as u64));
+    let read = effects.read_noise * effects.read_noise;
+    for light in light {
+        let bits = random.bits();
+        for (channel, value) in light.iter_mut().enumerate() {
+            let noise = table[(bits >> (20 * channel)) as usize % GAUSSIANS];
+            *value += (effects.shot_noise * *value + read).max(0.0).sqrt() * noise;
         }
     }
 }
 
-/// Three numbers of mean 0 and deviation 1: sums of five uniform bytes each.
-fn gaussians(one: u64, other: u64) -> [f32; 3] {
-    /// Deviation of the sum of five numbers, each from 0 to 255: sqrt(5 (256² - 1) / 12).
-    const DEVIATION: f32 = 165.24;
-    let bytes = [one.to_le_bytes(), other.to_le_bytes()];
-    let all = bytes.as_flattened();
-    std::array::from_fn(|channel| {
-        let sum: u32 = all[channel * 5..channel * 5 + 5]
-            .iter()
-            .map(|b| u32::from(*b))
-            .sum();
-        (sum as f32 - 637.5) / DEVIATION
+/// Numbers of mean 0 and deviation 1.
+fn gaussians() -> &'static [f32] {
+    static NUMBERS: OnceLock<Vec<f32>> = OnceLock::new();
+    NUMBERS.get_or_init(|| {
+        let mut random = Random::for_purpose(0, 0x51);
+        let half = (0..GAUSSIANS / 2).map(|_| random.gaussian() as f32);
+        // Each with its opposite: their mean is 0.
+        let mut all: Vec<f32> = half.flat_map(|value| [value, -value]).collect();
+        let square = all.iter().map(|value| value * value).sum::<f32>() / all.len() as f32;
+        for value in &mut all {
+            *value /= square.sqrt();
+        }
+        all
     })
 }
 
@@ -254,6 +277,47 @@ mod tests {
         let streak = moved(&light, 64, [4.0, 0.0]);
         assert!((sum(&streak) - 1.0).abs() < 1e-4);
         assert!(streak[32 * 64 + 34][0] > 0.05 && streak[34 * 64 + 32][0] < 1e-6);
+    }
+
+    #[test]
+    fn a_shift_moves_light_and_repeats_the_ends() {
+        let row = [[1.0; 3], [2.0; 3], [4.0; 3]];
+        for (right, expected) in [
+            (0, [1.0, 2.0, 4.0]),
+            (1, [2.0, 4.0, 4.0]),
+            (-2, [1.0, 1.0, 1.0]),
+            (9, [4.0, 4.0, 4.0]),
+        ] {
+            let mut out = [[0.0; 3]; 3];
+            add_shifted(&row, right, 1.0, &mut out);
+            assert_eq!(out.map(|light| light[0]), expected, "{right}");
+        }
+        let sum: f32 = motion_kernel([2.3, -1.4]).iter().map(|(_, w)| w).sum();
+        assert!((sum - 1.0).abs() < 1e-5, "{sum}");
+    }
+
+    #[test]
+    fn noise_is_another_in_each_row_and_channel() {
+        let effects = Effects {
+            read_noise: 0.02,
+            ..Effects::none()
+        };
+        let bytes = grey(0.5, &effects);
+        let deviation = |row: usize, channel: usize| -> Vec<i32> {
+            let pixels = (0..64).map(|column| bytes[(row * 64 + column) * 3 + channel]);
+            pixels.map(|byte| i32::from(byte) - 188).collect()
+        };
+        let product =
+            |one: &[i32], other: &[i32]| -> i32 { one.iter().zip(other).map(|(a, b)| a * b).sum() };
+        let first = deviation(0, 0);
+        for other in [
+            deviation(1, 0),
+            deviation(0, 1),
+            deviation(0, 2),
+            deviation(5, 2),
+        ] {
+            assert!(product(&first, &other).abs() * 2 < product(&first, &first));
+        }
     }
 
     #[test]
