@@ -5,11 +5,11 @@ use std::time::Duration;
 
 use yarp_devices::guard::{Guarded, GuardedOptions, JointLimits, RateLimits, TorqueLimits};
 use yarp_devices::wam::SimulatedWam;
-use yarp_devices::{Axes, Device, DeviceError, Limits, Mode, checks};
+use yarp_devices::{Axes, AxisIndex, Device, DeviceError, Limits, Mode, PidValue, checks};
 use yarp_testing::eventually;
 
 const TEST_TIMEOUT: Duration = Duration::from_secs(60);
-const BASE: Axes<'static> = Axes::One(yarp_devices::AxisIndex::new(0));
+const BASE: Axes<'static> = Axes::One(AxisIndex::new(0));
 
 fn guarded(options: GuardedOptions) -> Guarded {
     let arm = SimulatedWam::new();
@@ -233,4 +233,24 @@ fn a_stream_that_goes_on_is_not_stopped() {
         position(&arm) > start + 20.0
     });
     assert_eq!(velocity.reference_velocities(BASE).unwrap(), [10.0]);
+}
+
+/// The software stop stands in front of an arm without limits, too; stock's clients notice nothing of it.
+#[test]
+fn without_limits_everything_is_passed_on() {
+    let arm = Arc::new(SimulatedWam::new());
+    let guarded = Guarded::around(arm.clone(), GuardedOptions::default()).unwrap();
+    let joint = AxisIndex::from(0);
+    let modes = |device: &dyn Device| {
+        let modes = device.control_mode().unwrap();
+        modes.available_control_modes(joint).unwrap()
+    };
+    assert_eq!(modes(&guarded), modes(arm.as_ref()));
+    let loops = guarded.pid_control().unwrap();
+    let kinds = loops.available_pids(joint).unwrap();
+    assert!(kinds.len() > 1, "{kinds:?}");
+    for kind in kinds {
+        let reference = loops.set_pid_values(kind, PidValue::Reference, joint.into(), &[12.0]);
+        assert!(reference.is_ok(), "{kind:?}: {reference:?}");
+    }
 }

@@ -200,7 +200,7 @@ impl PidControl for Guarded {
                     self.joint_limits.check_position(joint, asked, unit)?;
                 }
             }
-            (PidValue::Reference, _) => {
+            (PidValue::Reference, _) if !self.is_unlimited => {
                 return Err(DeviceError::NotSupported {
                     what: "a reference of this control loop behind a guard".to_owned(),
                 });

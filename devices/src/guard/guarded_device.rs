@@ -64,6 +64,8 @@ pub struct Guarded {
     pub(super) rate_limits: RateLimits,
     pub(super) torque_limits: TorqueLimits,
     pub(super) current_limits: Vec<f64>,
+    /// True without any guard.
+    pub(super) is_unlimited: bool,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -73,6 +75,7 @@ impl Guarded {
     /// Errors: [`DeviceError::Start`] if no thread can be started, or the device's error when its limits and
     /// references are read.
     pub fn around(device: Arc<dyn Device>, options: GuardedOptions) -> Result<Self, DeviceError> {
+        let is_unlimited = options == GuardedOptions::default();
         slow_down(device.as_ref(), &options.rate_limits)?;
         let axes = device.axis_info().map_or(0, |info| info.axes());
         let limits = closer(device.as_ref(), &options.joint_limits, axes)?;
@@ -99,6 +102,7 @@ impl Guarded {
             rate_limits: options.rate_limits,
             torque_limits: options.torque_limits,
             current_limits: options.current_limits,
+            is_unlimited,
             thread: Some(thread),
         })
     }

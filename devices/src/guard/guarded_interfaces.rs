@@ -345,7 +345,7 @@ impl ControlMode for Guarded {
             Mode::Pwm,
         ];
         let mut modes = self.modes()?.available_control_modes(axis)?;
-        modes.retain(|mode| commanded.contains(mode));
+        modes.retain(|mode| self.is_unlimited || commanded.contains(mode));
         Ok(modes)
     }
 
