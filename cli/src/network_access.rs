@@ -147,16 +147,7 @@ pub(crate) async fn ask_server(
             let server = network.server().ok_or(PortError::NoNameServer)?;
             let opening =
                 AdminClient::open("the name server", server, carrier, ADMIN_NAME, &network);
-            let payload = opening
-                .await?
-                .request(&Command::data(true), request)
-                .await?;
-            let answer = payload
-                .to_bottle()
-                .map_err(|source| PortError::Unreadable {
-                    peer: "the name server".to_owned(),
-                    source,
-                })?;
+            let answer = opening.await?.call(&Command::data(true), request).await?;
             // This refusal concerns one server; another server of the same names may accept the
             // request.
             let reason = answer.get(1).map(Value::to_plain_string);

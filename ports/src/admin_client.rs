@@ -109,13 +109,24 @@ impl AdminClient {
         })
     }
 
-    /// Sends an admin request and waits for its answer.
-    pub async fn admin(&mut self, request: &Bottle) -> Result<Bottle, PortError> {
-        let payload = self.request(&Command::Admin, request).await?;
+    /// Sends a message and waits for its reply, which is a bottle.
+    ///
+    /// Errors: also [`PortError::Unreadable`].
+    pub async fn call(
+        &mut self,
+        command: &Command,
+        content: &(dyn WireObject + Sync),
+    ) -> Result<Bottle, PortError> {
+        let payload = self.request(command, content).await?;
         payload.to_bottle().map_err(|source| PortError::Unreadable {
             peer: self.peer.clone(),
             source,
         })
+    }
+
+    /// Sends an admin request and waits for its answer.
+    pub async fn admin(&mut self, request: &Bottle) -> Result<Bottle, PortError> {
+        self.call(&Command::Admin, request).await
     }
 
     /// Sends a bare command and waits for the lines that answer it (`text_ack` only).

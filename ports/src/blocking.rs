@@ -5,6 +5,7 @@
 
 use std::cell::Cell;
 use std::future::Future;
+use std::pin::Pin;
 use std::sync::OnceLock;
 use std::sync::mpsc;
 use std::time::Duration;
@@ -35,13 +36,16 @@ thread_local! {
     static OWN: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Runs a future to its end on the threads of this module.
+/// Runs a future to its end on the threads of this module. The future is dropped before this returns.
 pub fn wait<T: Send + 'static>(future: impl Future<Output = T> + Send + 'static) -> T {
     let (sender, receiver) = mpsc::sync_channel(1);
-    runtime().spawn(async move {
+    // Boxed, so that the task that runs it is compiled once for all futures.
+    let task: Pin<Box<dyn Future<Output = ()> + Send>> = Box::pin(async move {
+        let result = future.await;
         // The receiver waits below.
-        let _ = sender.send(future.await);
+        let _ = sender.send(result);
     });
+    runtime().spawn(task);
     let receive = || receiver.recv().expect("the future runs to its end");
     if OWN.get() {
         // A handler of a port that calls another device: its tasks move to another thread meanwhile.

@@ -81,7 +81,7 @@ async fn ask(
     let mut lines = Lines::open();
     while let Some(line) = lines.next().await {
         let request = Bottle::parse(&line).unwrap_or_default();
-        let mut reply = connection.request(command, &request).await;
+        let mut reply = connection.client.call(command, &request).await;
         if matches!(reply, Err(PortError::Lost { .. })) {
             writeln!(out, "Target disappeared, reconnecting...")?;
             drop(connection);
@@ -89,7 +89,7 @@ async fn ask(
                 Some(again) => connection = again,
                 None => return cannot_connect(out),
             }
-            reply = connection.request(command, &request).await;
+            reply = connection.client.call(command, &request).await;
         }
         print(&reply?, out)?;
     }
@@ -139,18 +139,6 @@ impl Connection {
             from: own.to_owned(),
             to: place.name,
         }))
-    }
-
-    async fn request(
-        &mut self,
-        command: &Command,
-        request: &Bottle,
-    ) -> std::result::Result<Bottle, PortError> {
-        let payload = self.client.request(command, request).await?;
-        payload.to_bottle().map_err(|source| PortError::Unreadable {
-            peer: self.to.clone(),
-            source,
-        })
     }
 }
 

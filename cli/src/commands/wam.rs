@@ -117,13 +117,8 @@ async fn request_stop(args: BoardArgs, word: &str, out: &mut dyn Write) -> Resul
     let address = (place.host.as_str(), place.port);
     let carrier = Carrier::by_name("tcp").expect("tcp is in the table");
     let mut client = AdminClient::open(&place.name, address, carrier, &own, &network).await?;
-    let reply = client
-        .request(&Command::data(true), &Bottle::new().with(word))
-        .await?;
-    let reply = reply.to_bottle().map_err(|source| PortError::Unreadable {
-        peer: port.clone(),
-        source,
-    })?;
+    let request = Bottle::of(word);
+    let reply = client.call(&Command::data(true), &request).await?;
     let text = |index| reply.get(index).and_then(Value::as_str).unwrap_or_default();
     if reply.get(0).and_then(Value::as_vocab) == Some(Vocab32::OK) {
         writeln!(out, "{}: {}", args.name, text(1))?;

@@ -10,13 +10,12 @@ use std::time::Duration;
 
 use yarp_devices::clock::wall_clock;
 use yarp_devices::{AnalogSensor, Device, DeviceError, SensorReading, SensorStatus};
-use yarp_ports::{Network, PortOptions, Received};
+use yarp_ports::{Network, PortOptions, Received, blocking};
 
 use super::requests;
 use crate::OpenError;
 use crate::device_ports::{
-    LatestValue, Link, RemoteOptions, RemotePorts, RpcPort, SharedLink, common_setters,
-    stream_port, wait,
+    LatestValue, Link, RemoteOptions, RemotePorts, RpcPort, SharedLink, common_setters, stream_port,
 };
 
 const RPC: RpcPort = RpcPort::USUAL;
@@ -76,7 +75,7 @@ impl RemoteAnalogSensor {
         let newest = latest.clone();
         let opening = async move { connect(&network, &options, newest).await };
         Ok(Self {
-            ports: SharedLink::new(wait(opening)?),
+            ports: SharedLink::new(blocking::wait(opening)?),
             latest,
         })
     }

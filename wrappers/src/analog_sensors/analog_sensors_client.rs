@@ -11,15 +11,14 @@ use std::time::Duration;
 use yarp_devices::{
     AnalogSensors, Device, DeviceError, SensorInfo, SensorKind, SensorReading, SensorStatus,
 };
-use yarp_ports::{Network, PortError, PortOptions, Received};
+use yarp_ports::{Network, PortError, PortOptions, Received, blocking};
 use yarp_wire::{Bottle, WireVersion};
 
 use super::measures_message::Measures;
 use super::metadata_message::{Metadata, metadata_call};
 use crate::OpenError;
 use crate::device_ports::{
-    LatestValue, Link, RemoteOptions, RemotePorts, RpcPort, SharedLink, common_setters,
-    stream_port, wait,
+    LatestValue, Link, RemoteOptions, RemotePorts, RpcPort, SharedLink, common_setters, stream_port,
 };
 
 const RPC: RpcPort = RpcPort {
@@ -98,7 +97,7 @@ impl RemoteAnalogSensors {
         let newest = latest.clone();
         let connects = !external_connection;
         let opening = async move { connect(&network, &options, newest, connects).await };
-        let (ports, metadata) = wait(opening)?;
+        let (ports, metadata) = blocking::wait(opening)?;
         let sensors = metadata.as_ref().map(Metadata::count);
         tracing::info!(
             remote = ports.remote(),

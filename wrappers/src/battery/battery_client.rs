@@ -5,13 +5,13 @@ use std::time::Duration;
 
 use yarp_devices::clock::wall_clock;
 use yarp_devices::{Battery, BatteryReading, Device, DeviceError};
-use yarp_ports::{Network, PortOptions, Received};
+use yarp_ports::{Network, PortOptions, Received, blocking};
 use yarp_wire::{Bottle, Vocab32};
 
 use super::{BATTERY, BatteryLayout, GET_INFO, INFO, IS};
 use crate::OpenError;
 use crate::device_ports::{
-    LatestValue, Link, RemoteOptions, RemotePorts, RpcPort, SharedLink, stream_port, wait,
+    LatestValue, Link, RemoteOptions, RemotePorts, RpcPort, SharedLink, stream_port,
 };
 use crate::thrift::{Message, ReturnCode};
 
@@ -53,7 +53,7 @@ impl RemoteBattery {
         };
         let (network, newest) = (network.with_timeout(options.rpc_timeout), latest.clone());
         let opening = async move { connect(&network, &options, newest, stream_port(take)).await };
-        let ports = SharedLink::new(wait(opening)?);
+        let ports = SharedLink::new(blocking::wait(opening)?);
         tracing::info!(remote = ports.remote(), "remote battery connected");
         Ok(Self {
             ports,

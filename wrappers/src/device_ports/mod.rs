@@ -5,7 +5,6 @@
 //! | `served_ports` | a server: its ports, its work on them, closing |
 //! | `remote_ports` | a client: its ports, their connections, calls, closing |
 //! | `shared_link` | the ports of a client, shared by blocking calls |
-//! | `wait` | running a future in a blocking call |
 //! | `latest_value` | the newest message of a stream |
 //! | `remote_options` | names, carrier and timeouts of a client |
 
@@ -14,7 +13,6 @@ mod remote_options;
 mod remote_ports;
 mod served_ports;
 mod shared_link;
-mod wait;
 
 pub(crate) use latest_value::LatestValue;
 pub use remote_options::RemoteOptions;
@@ -22,4 +20,3 @@ pub(crate) use remote_options::common_setters;
 pub(crate) use remote_ports::{RemotePorts, RpcPort, stream_port};
 pub(crate) use served_ports::{PUBLISHER_END_TIMEOUT, PortWork, ServedPort, ServedPorts};
 pub(crate) use shared_link::{Link, SharedLink};
-pub(crate) use wait::wait;

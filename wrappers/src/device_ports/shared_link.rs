@@ -4,10 +4,11 @@ use std::ops::Deref;
 use std::sync::Arc;
 
 use yarp_devices::DeviceError;
+use yarp_ports::blocking;
 use yarp_wire::Bottle;
 use yarp_wire::message::WireObject;
 
-use super::{RemotePorts, wait};
+use super::RemotePorts;
 use crate::OpenError;
 use crate::reconnect::to_text;
 
@@ -57,7 +58,7 @@ impl<L: Link> SharedLink<L> {
     {
         let link = self.link.clone().expect("taken only on drop");
         // Awaiting the work drops it, and with it the link, before its result is sent.
-        wait(work(link))
+        blocking::wait(work(link))
     }
 
     /// Takes the link, for closing it in another way than by dropping.
@@ -97,7 +98,7 @@ impl<L: Link> Deref for SharedLink<L> {
 impl<L: Link> Drop for SharedLink<L> {
     fn drop(&mut self) {
         if let Some(link) = self.take() {
-            wait(link.close());
+            blocking::wait(link.close());
         }
     }
 }
@@ -132,7 +133,7 @@ mod tests {
     fn a_failed_opening_closes_the_link() {
         let closed = Arc::new(AtomicBool::new(false));
         let opening = Watched(closed.clone()).unless_failed::<()>(Err(OpenError::NoAxes));
-        let opened = wait(opening);
+        let opened = blocking::wait(opening);
         assert!(matches!(opened, Err(OpenError::NoAxes)));
         assert!(closed.load(Ordering::Acquire));
     }

@@ -6,15 +6,13 @@ use std::time::{Duration, Instant};
 
 use yarp_devices::hand::{HandError, check_move};
 use yarp_devices::{Axes, Device, DeviceError, Grasp, GraspKind, Hand};
-use yarp_ports::{Network, PortOptions};
+use yarp_ports::{Network, PortOptions, blocking};
 use yarp_wire::Bottle;
 
 use super::RPC_PORT;
 use super::messages::{Answer, Reply, Request};
 use crate::OpenError;
-use crate::device_ports::{
-    Link, RemoteOptions, RemotePorts, RpcPort, SharedLink, common_setters, wait,
-};
+use crate::device_ports::{Link, RemoteOptions, RemotePorts, RpcPort, SharedLink, common_setters};
 use crate::reconnect::RPC_CARRIER;
 
 const RPC: RpcPort = RpcPort {
@@ -188,7 +186,7 @@ impl RemoteHand {
     ///   [`OpenError::Query`]; then nothing stays open.
     pub fn open(network: &Network, options: RemoteHandOptions) -> Result<Self, OpenError> {
         let network = network.with_timeout(options.common.rpc_timeout);
-        let link = wait(async move { HandLink::open(&network, options).await })?;
+        let link = blocking::wait(async move { HandLink::open(&network, options).await })?;
         tracing::info!(peer = link.ports.rpc_peer(), "remote hand connected");
         Ok(Self {
             link: SharedLink::new(link),

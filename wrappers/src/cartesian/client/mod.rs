@@ -16,12 +16,12 @@ use std::collections::BTreeSet;
 use std::sync::Mutex;
 
 use yarp_devices::Device;
-use yarp_ports::Network;
+use yarp_ports::{Network, blocking};
 
 use self::cartesian_link::ToolLink;
 use super::messages::Request;
 use crate::OpenError;
-use crate::device_ports::{Link, SharedLink, wait};
+use crate::device_ports::{Link, SharedLink};
 pub use remote_cartesian_options::RemoteCartesianOptions;
 
 /// The tool of an arm in another program, as iCub's `cartesiancontrollerclient` casts it.
@@ -70,7 +70,7 @@ impl RemoteCartesianControl {
     ///   [`OpenError::Query`]; then nothing stays open.
     pub fn open(network: &Network, options: RemoteCartesianOptions) -> Result<Self, OpenError> {
         let network = network.with_timeout(options.common.rpc_timeout);
-        let link = wait(async move { ToolLink::open(&network, &options).await })?;
+        let link = blocking::wait(async move { ToolLink::open(&network, &options).await })?;
         tracing::info!(remote = link.ports.remote(), "remote tool connected");
         Ok(Self {
             link: SharedLink::new(link),
@@ -98,7 +98,7 @@ impl Drop for RemoteCartesianControl {
             .chain(checkpoints.into_iter().map(Request::Unregister))
             .collect();
         if let Some(link) = self.link.take() {
-            wait(async move {
+            blocking::wait(async move {
                 for request in requests {
                     if let Err(error) = link.ask(&request).await {
                         // The server is gone, and with it its contexts.

@@ -26,13 +26,13 @@ mod remote_motion_completion;
 use std::collections::HashSet;
 
 use yarp_devices::{Device, DeviceError};
-use yarp_ports::Network;
+use yarp_ports::{Network, blocking};
 use yarp_wire::{Value, WireVersion};
 
 use self::board_link::{BoardLink, Results};
 use super::OpenError;
 use super::messages::{Get, Request, Set};
-use crate::device_ports::{SharedLink, wait};
+use crate::device_ports::SharedLink;
 pub use remote_board_options::RemoteControlBoardOptions;
 pub use remote_motion_completion::RemoteMotion;
 
@@ -92,7 +92,7 @@ impl RemoteControlBoard {
     pub fn open(network: &Network, options: RemoteControlBoardOptions) -> Result<Self, OpenError> {
         let network = network.with_timeout(options.common.rpc_timeout);
         let opening = async move { BoardLink::open(&network, &options).await };
-        let (link, about) = wait(opening)?;
+        let (link, about) = blocking::wait(opening)?;
         let (remote, wire_version, axes) = (link.ports.remote(), link.wire_version, about.axes);
         tracing::info!(remote, %wire_version, axes, "remote control board connected");
         Ok(Self {

@@ -14,12 +14,12 @@ mod remote_camera_options;
 mod remote_firewire;
 
 use yarp_devices::Device;
-use yarp_ports::Network;
+use yarp_ports::{Network, blocking};
 use yarp_wire::WireVersion;
 
 use self::camera_link::CameraLink;
 use crate::OpenError;
-use crate::device_ports::{SharedLink, wait};
+use crate::device_ports::SharedLink;
 pub use remote_camera_options::RemoteFrameGrabberOptions;
 
 /// A camera in another program, as stock's `frameGrabber_nwc_yarp` casts it back. The client finds out the wire
@@ -70,7 +70,7 @@ impl RemoteFrameGrabber {
     ///   [`OpenError::ProtocolVersion`], [`OpenError::Query`]; then nothing stays open.
     pub fn open(network: &Network, options: RemoteFrameGrabberOptions) -> Result<Self, OpenError> {
         let network = network.with_timeout(options.common.rpc_timeout);
-        let link = wait(async move { CameraLink::open(&network, &options).await })?;
+        let link = blocking::wait(async move { CameraLink::open(&network, &options).await })?;
         let (remote, wire_version) = (link.ports.remote(), link.wire_version);
         tracing::info!(remote, %wire_version, "remote camera connected");
         Ok(Self {
