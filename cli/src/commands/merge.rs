@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use tokio::sync::Notify;
-use yarp_devices::clock::wall_clock;
+use yarp_devices::clock;
 use yarp_ports::{Answer, Network, Port, PortOptions, Received};
 use yarp_wire::{Bottle, Stamp};
 
@@ -139,7 +139,7 @@ async fn pass_on(newest: &LatestInputs, writer: &Port, interrupt: &mut Interrupt
             () = interrupt.interrupted() => return,
             () = newest.changed.notified() => {}
         }
-        stamp = stamp.next(wall_clock());
+        stamp = stamp.next(clock::now());
         let bottles = newest.bottles().clone();
         let all: Bottle = bottles.iter().flat_map(|one| one.iter().cloned()).collect();
         writer.try_write(&all, Some(stamp.into()), MAX_BACKLOG);
