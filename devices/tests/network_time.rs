@@ -157,7 +157,7 @@ fn the_ideal_arm_moves_with_the_clock_alone() {
 fn the_dynamic_arm_makes_up_for_a_step_of_the_clock() {
     let time = started(0);
     let source = TimeSource::Network(Arc::clone(&time));
-    let (model, options) = (WamModel::new(), SimulatorOptions::default());
+    let (model, options) = (WamModel::<7>::new(), SimulatorOptions::default());
     let arm = DynamicWam::start_on(source, model, options).unwrap();
     let axis = Axes::One(3.into());
     let start = elbow(&arm).unwrap().position;

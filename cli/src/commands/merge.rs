@@ -72,6 +72,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     );
     let network = network_access::network()?;
     let mut interrupt = Interrupt::listen();
+    network_access::follow_clock(&network, &mut interrupt).await?;
     let newest = Arc::new(LatestInputs::default());
     let names = (0..sources.len()).map(|place| format!("{worker}{place}"));
     let mut ports = open(&network, names, &newest).await?;
