@@ -190,7 +190,7 @@ fn a_simulated_arm_publishes_in_the_time_of_the_clock() {
         .see("running happily");
     ask(&home, "step 1000");
     let _arm = home
-        .spawn(following("up --view off"), "up")
+        .spawn(following("up --no-view"), "up")
         .see("Port /wam/stateExt:o active at");
     let reader = home
         .start("read /r /wam/state:o envelope")
