@@ -91,8 +91,8 @@ fn requests_pause_step_and_pace_a_clock() {
     for (request, reply) in [
         ("get", "[ok] 0 0 paused 1.0"),
         ("step 2.5", "[ok] 2 500000000 paused 1.0"),
-        ("rate 0.001", "[ok] 2 500000000 paused 0.001"),
-        ("pause", "[ok] 2 500000000 paused 0.001"),
+        ("rate 0.5", "[ok] 2 500000000 paused 0.5"),
+        ("pause", "[ok] 2 500000000 paused 0.5"),
         (
             "step -1",
             "[fail] \"expected step SECONDS, more than 0 and up to 86400\"",
@@ -102,13 +102,13 @@ fn requests_pause_step_and_pace_a_clock() {
             "stop",
             "[fail] \"expected get, pause, resume, step SECONDS, rate FACTOR or help\"",
         ),
-        ("get", "[ok] 2 500000000 paused 0.001"),
+        ("get", "[ok] 2 500000000 paused 0.5"),
     ] {
         assert_eq!(ask(&home, request), reply, "{request}");
     }
     // A paused clock shows its time to programs that start.
     assert_eq!(seconds(&home, "/clock"), 2);
-    assert!(ask(&home, "resume").ends_with("running 0.001"));
+    assert!(ask(&home, "resume").ends_with("running 0.5"));
     assert!(ask(&home, "rate 1000").ends_with("running 1000.0"));
     let start = Instant::now();
     while seconds(&home, "/clock") < 100 {

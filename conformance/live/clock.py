@@ -99,11 +99,11 @@ def ours_follows_stock():
                 break
         check("ours has the time of stock's clock", 0.0 < times[0] and times[-1] < 1e6, times)
         check("it advances", times == sorted(times) and times[-1] > times[0], times)
-        check("the port has stock's name", "/clock:i" in names())
+        check("the port has stock's name", f"/{program.pid}/clock:i" in names())
         program.terminate()
         program.stdout.read()
     same("ours ends", program.returncode, 0)
-    check("no name is left", "/clock:i" not in names())
+    check("its name is not left", f"/{program.pid}/clock:i" not in names())
     clock.end()
 
 

@@ -124,8 +124,6 @@ impl Home {
             .env_remove("YARP_NAMESPACE")
             .env_remove("YARP_PORT_PREFIX")
             .env_remove("YARP_IP")
-            .env_remove("YARP_CLOCK")
-            .env_remove("YARP_CLOCK_TIMEOUT")
             .env_remove("YARP_QUIET")
     }
 
