@@ -112,8 +112,12 @@ fn statefeed_prints_the_tables_and_writes_the_plots() {
 #[test]
 fn unknown_demos_are_refused() {
     let home = Home::new();
-    home.run("demo dance").with(1).complains("dance");
-    home.run("demo repeatability --repeat 0")
-        .with(1)
-        .complains("--repeat");
+    for (words, named) in [
+        ("demo dance", "dance"),
+        ("demo repeatability --repeat 0", "--repeat"),
+    ] {
+        let ended = home.run(words).with(1);
+        let mut lines = ended.out.iter().chain(&ended.err);
+        assert!(lines.any(|line| line.contains(named)), "{ended:?}");
+    }
 }

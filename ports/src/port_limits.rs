@@ -58,7 +58,7 @@ const EXPANDED_BYTES: usize = 48 << 20;
 /// Limits that all ports of the process share.
 ///
 /// ```
-/// use yarp_ports::limits::ProcessLimits;
+/// use yarp_ports::port_limits::ProcessLimits;
 /// let limits = ProcessLimits::default().with_expanded_bytes(256 << 20);
 /// limits.apply();
 /// assert_eq!(ProcessLimits::current(), limits);

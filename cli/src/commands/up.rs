@@ -272,11 +272,11 @@ async fn open(
     let starting = tokio::task::spawn_blocking(move || arm.start(link_mode, &configuration));
     let arm = starting.await.expect("starting an arm does not panic")?;
     let options = ControlBoardOptions::new();
-    let stop = StopServer::open(network, arm.clone(), name).await?;
-    let board = match ControlBoardServer::open(network, arm.clone(), name, options).await {
-        Ok(board) => board,
+    let board = ControlBoardServer::open(network, arm.clone(), name, options).await?;
+    let stop = match StopServer::open(network, arm.clone(), name).await {
+        Ok(stop) => stop,
         Err(failure) => {
-            stop.close().await;
+            board.close().await;
             return Err(failure.into());
         }
     };

@@ -576,7 +576,8 @@ proptest! {
             let Ok(held) = line.parse::<Registration>() else {
                 return Err(TestCaseError::fail(format!("not a registration: {line:?}")));
             };
-            let Body::Lines(found) = asked.reply(&format!("query {}", held.name)).body else { unreachable!() };
+            let query = Bottle::of("query").with(held.name.as_str());
+            let Body::Lines(found) = asked.reply(&query.to_string()).body else { unreachable!() };
             prop_assert_eq!(&found[0], line);
         }
     }
