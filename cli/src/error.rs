@@ -47,7 +47,7 @@ pub(crate) enum Failure {
     Replay(#[from] ReplayError),
     /// The clock of `YARP_CLOCK` cannot be followed.
     #[error(transparent)]
-    Clock(#[from] ClockError),
+    Clock(Box<ClockError>),
     /// The ports of the arm or camera could not be opened.
     #[error(transparent)]
     Open(OpenError),
@@ -108,5 +108,11 @@ impl Failure {
     /// Returns the error with its causes, on one line.
     pub(crate) fn error_chain(&self) -> String {
         yarp_ports::error_chain(self)
+    }
+}
+
+impl From<ClockError> for Failure {
+    fn from(error: ClockError) -> Self {
+        Self::Clock(Box::new(error))
     }
 }

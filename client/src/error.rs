@@ -25,7 +25,7 @@ pub enum Error {
     Network(#[from] PortError),
     /// The clock of `YARP_CLOCK` cannot be followed.
     #[error(transparent)]
-    Clock(#[from] ClockError),
+    Clock(Box<ClockError>),
     /// Two ports could not be connected.
     #[error(transparent)]
     Connect(#[from] ConnectError),
@@ -86,5 +86,11 @@ pub enum Error {
 impl fmt::Debug for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&error_chain(self))
+    }
+}
+
+impl From<ClockError> for Error {
+    fn from(error: ClockError) -> Self {
+        Self::Clock(Box::new(error))
     }
 }
