@@ -13,6 +13,7 @@ use yarp_wrappers::{ControlBoardOptions, ControlBoardServer, HandServer, OpenErr
 
 use crate::error::Result;
 use crate::exposure::{self, BindArgs};
+use crate::network_access;
 use crate::signals::Interrupt;
 use crate::systemd_notify;
 
@@ -43,6 +44,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     args.name.parse::<PortName>().map_err(PortError::from)?;
     let mut interrupt = Interrupt::listen();
     let network = args.bind.apply(Network::from_process()?);
+    network_access::follow_clock(&network, &mut interrupt).await?;
     let options = HandOptions::new(&args.serial).baud(args.baud);
     let path = args.serial.clone();
     let opening = tokio::task::spawn_blocking(move || ready(options, &path));

@@ -13,7 +13,7 @@ use super::super::messages::{Field, JointData};
 use super::board_request_handler::RequestHandler;
 use super::deadline_monitor::DeadlineMonitor;
 use crate::periodic_thread::PeriodicThread;
-use yarp_devices::clock::wall_clock;
+use yarp_devices::clock;
 
 /// Maximum backlog of a reader that still gets the next state.
 const MAX_BACKLOG: Duration = Duration::from_millis(20);
@@ -76,7 +76,7 @@ impl Cycle {
                 }
             }
         } else {
-            wall_clock()
+            clock::now()
         };
         self.read_modes();
         self.read_motors();
