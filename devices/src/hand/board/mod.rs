@@ -21,7 +21,7 @@ use super::gcl::{Feedback, FirmwareVersion, Layout, MotorLayout, MotorSet, Reply
 use super::gcl_connection::GclConnection;
 use super::hand_error::HandError;
 use super::serial_driver::BarrettHand;
-use crate::clock::wall_clock;
+use crate::clock;
 use crate::fake::{AxesModel, AxisParameters};
 use crate::guard::{Guarded, GuardedOptions, RateLimits};
 use crate::{Axes, DeviceError, JointType, Limits};
@@ -270,7 +270,7 @@ impl Shared {
             let set_points = &mut state.set_points;
             let measured = follower.measure(&feedback, set_points, Instant::now());
             state.measured = measured;
-            state.time = Some(wall_clock());
+            state.time = Some(clock::now());
         }
         session.end()
     }
@@ -282,7 +282,7 @@ impl Shared {
         let before = std::mem::replace(&mut state.readiness, Readiness::Ready);
         follower.place(&mut state.set_points);
         state.measured = follower.measure(feedback, &mut state.set_points, Instant::now());
-        state.time = Some(wall_clock());
+        state.time = Some(clock::now());
         if before == Readiness::Lost {
             let idle = [crate::Mode::Idle; AXES];
             let set = state.set_points.set_control_modes(Axes::All, &idle);
