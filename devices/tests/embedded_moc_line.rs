@@ -79,17 +79,23 @@ fn the_tool_goes_straight_and_the_arm_holds_in_position_mode_at_the_end() {
     assert_eq!(driver.link().last_interruption, None);
 }
 
-#[test]
-fn a_newer_joint_move_takes_the_arm_off_its_line() {
+/// An arm on its way along a line.
+fn on_a_line() -> (Arc<SimulatedWam>, EmbeddedWam, WamNode) {
     let arm = ideal_arm();
     start_at(&arm, START);
-    let (driver, _node) = connected(&arm, false);
+    let (driver, node) = connected(&arm, false);
     let mut target = WamModel::<7>::new().chain.forward(&joints(&arm));
     target.translation.y -= 0.3;
     driver.move_to(wire(&target)).unwrap();
     eventually("the line", || {
         arm.control_modes(Axes::All).unwrap() == [Mode::PositionDirect; 7]
     });
+    (arm, driver, node)
+}
+
+#[test]
+fn a_newer_joint_move_takes_the_arm_off_its_line() {
+    let (arm, driver, _node) = on_a_line();
     driver.position_move(Axes::One(6.into()), &[20.0]).unwrap();
     at_rest(&driver);
     assert!((place(arm.as_ref(), 6) - 20.0).abs() < 1e-6);
@@ -98,15 +104,7 @@ fn a_newer_joint_move_takes_the_arm_off_its_line() {
 
 #[test]
 fn a_line_ends_when_a_joint_is_taken_and_the_client_is_told() {
-    let arm = ideal_arm();
-    start_at(&arm, START);
-    let (driver, _node) = connected(&arm, false);
-    let mut target = WamModel::<7>::new().chain.forward(&joints(&arm));
-    target.translation.y -= 0.3;
-    driver.move_to(wire(&target)).unwrap();
-    eventually("the line", || {
-        arm.control_modes(Axes::All).unwrap() == [Mode::PositionDirect; 7]
-    });
+    let (arm, driver, _node) = on_a_line();
     arm.set_control_modes(Axes::One(3.into()), &[Mode::Velocity])
         .unwrap();
     eventually("the end", || driver.link().last_interruption.is_some());
