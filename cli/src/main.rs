@@ -1,18 +1,18 @@
 //! The `yarp` command.
 //!
-//! | file | what it is about |
+//! | file | purpose |
 //! | --- | --- |
 //! | `cli` | the words on the command line, and which command they mean |
-//! | `commands` | one file per command |
-//! | `session` | the network that the configuration names; opening ports on it |
-//! | `arm` | the arms that a command can serve |
-//! | `connecting` | connecting ports, in stock's words |
-//! | `input`, `signals` | lines that a person types, and the wish to end |
+//! | `commands` | one file or folder per command |
+//! | `network_access` | the network that the configuration names; opening ports on it |
+//! | `arm_selection` | the arms that a command can serve |
+//! | `port_connections`, `connection_qos` | connecting ports, in stock's words |
+//! | `stdin_lines`, `signals` | lines that a person types, and requests to end |
 //! | `descriptors` | the limit on open files |
 //! | `exposure` | `--bind`, and who can reach what is served |
-//! | `ready` | telling a service manager that we work |
+//! | `systemd_notify` | readiness, for a service manager |
 //! | `output` | standard output and standard error behind writer threads, so that nobody waits for a reader |
-//! | `log`, `text` | what the libraries report, and numbers, in stock's form |
+//! | `stock_log`, `stock_format` | log lines and numbers in stock's form; the log sent to `yarplogger` |
 
 mod arm_selection;
 mod cli;
@@ -74,7 +74,11 @@ fn main() -> ExitCode {
         }
     };
     let mut out = output::Printer::default();
-    let result = runtime.block_on(cli::run(words, &mut out));
+    let result = runtime.block_on(async {
+        let result = cli::run(words, &mut out).await;
+        stock_log::finish_forwarding().await;
+        result
+    });
     let result = out.flush().map_err(Failure::from).and(result);
     let code = match result {
         Ok(code) => code,

@@ -12,6 +12,7 @@ use yarp_wrappers::network_time;
 
 use crate::error::Result;
 use crate::signals::Interrupt;
+use crate::stock_log;
 
 /// Name of the client in administrative connections.
 const ADMIN_NAME: &str = "admin";
@@ -24,7 +25,7 @@ pub(crate) const FOREVER: Duration = Duration::from_secs(30 * 24 * 3600);
 
 /// Returns the network of this process; warns as stock does if it has no name server.
 pub(crate) fn network() -> Result<Network> {
-    let network = Network::from_process()?;
+    let network = unreported_network()?;
     if network.server().is_none() {
         for text in [
             "YARP name server(s) not configured, ports will be anonymous",
@@ -33,6 +34,14 @@ pub(crate) fn network() -> Result<Network> {
             tracing::warn!(target: "yarp.os.MultiNamespace", "{text}");
         }
     }
+    Ok(network)
+}
+
+/// Returns the network of this process, for a command that reports a missing name server itself. The log of the process is sent
+/// over it if the environment asks for that.
+pub(crate) fn unreported_network() -> Result<Network> {
+    let network = Network::from_process()?;
+    stock_log::start_forwarding(&network);
     Ok(network)
 }
 

@@ -8,6 +8,8 @@
 //! again and again is limited to a rate ([`rate_limit`]).
 
 mod foreign_text;
+mod forwarded_line;
+mod forwarded_log;
 mod rate_limit;
 mod shown_log;
 
@@ -26,6 +28,7 @@ use tracing_subscriber::layer::SubscriberExt as _;
 use tracing_subscriber::registry::LookupSpan;
 
 use crate::output::{self, Stream, WhenFull};
+pub(crate) use forwarded_log::{finish_forwarding, start_forwarding};
 use rate_limit::Repeats;
 pub(crate) use shown_log::show_in;
 
@@ -37,13 +40,14 @@ pub(crate) fn start() {
     let subscriber = tracing_subscriber::fmt()
         // If the reader of the log is gone (`yarp read /x | head`), errors are ignored.
         .log_internal_errors(false)
-        .with_max_level(level(|name| {
-            std::env::var(name).is_ok_and(|value| is_on(&value))
-        }))
-        .event_format(StockFormat)
+        .with_max_level(level(is_set))
+        .event_format(StockFormat {
+            forwarded: is_set("YARPRUN_IS_FORWARDING_LOG"),
+        })
         .with_writer(Streams)
         .finish()
-        .with(shown_log::ShownLog);
+        .with(shown_log::ShownLog)
+        .with(forwarded_log::ForwardedLog);
     // This fails only if a logger is installed already, which then prints.
     let _ = tracing::subscriber::set_global_default(subscriber);
 }
@@ -99,6 +103,11 @@ fn level(is_set: impl Fn(&str) -> bool) -> LevelFilter {
     } else {
         LevelFilter::INFO
     }
+}
+
+/// Returns whether a variable of the environment is set to a true value.
+fn is_set(name: &str) -> bool {
+    std::env::var(name).is_ok_and(|value| is_on(&value))
 }
 
 fn is_on(value: &str) -> bool {
@@ -180,7 +189,10 @@ fn level_name(level: Level) -> &'static str {
     }
 }
 
-struct StockFormat;
+struct StockFormat {
+    /// Lines for a `yarp run` that forwards the output of this process to a logger.
+    forwarded: bool,
+}
 
 impl<S, N> FormatEvent<S, N> for StockFormat
 where
@@ -198,11 +210,12 @@ where
         let mut message = Message::default();
         event.record(&mut message);
         let component = component(metadata.target(), &message.0);
-        writeln!(
-            writer,
-            "[{level}] |{component}| {}",
-            foreign_text::cleaned(&message.0)
-        )
+        let message = foreign_text::cleaned(&message.0);
+        if self.forwarded {
+            let line = forwarded_line::line_of(metadata, &component, &message.to_string());
+            return writeln!(writer, "{line}");
+        }
+        writeln!(writer, "[{level}] |{component}| {message}")
     }
 }
 

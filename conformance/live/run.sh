@@ -58,6 +58,8 @@ suite "where files are found" "$python" conformance/live/resources.py "$ours" "$
 
 g++ -O1 -std=c++17 -include cstdint conformance/live/typed_peer.cpp -I"$stock_package/include" \
     -L"$stock_package/lib" -lYARP_os -lYARP_sig -lYARP_init -o "$work/typed_peer"
+g++ -O1 -std=c++17 -include cstdint conformance/live/logger_peer.cpp -I"$stock_package/include" \
+    -L"$stock_package/lib" -lYARP_logger -lYARP_os -lYARP_init -o "$work/logger_peer"
 suite "typed messages" "$with_stock" "$python" conformance/live/typed.py target/debug/examples/typed "$work/typed_peer"
 
 suite "requests to the name server" "$python" conformance/live/name_server.py \
@@ -130,6 +132,8 @@ for server in ours stock; do
         "$with_stock" "$python" conformance/live/carriers.py "$ours" "$with_stock yarp"
     suite "clocks, server: $server" \
         "$with_stock" "$python" conformance/live/clock.py "$ours" "$with_stock yarp"
+    suite "the log in stock's logger, server: $server" \
+        "$with_stock" "$python" conformance/live/log_forwarding.py "$ours" "$work/logger_peer"
     # Stock's unix_stream needs this, or a user with a name.
     suite "copies of what ports receive, server: $server" \
         env TMPDIR="$work/$server/tmp" YARP_RUNTIME_DIR="$work/$server/tmp" \

@@ -43,7 +43,7 @@ pub(crate) struct Args {
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     args.name.parse::<PortName>().map_err(PortError::from)?;
     let mut interrupt = Interrupt::listen();
-    let network = args.bind.apply(Network::from_process()?);
+    let network = args.bind.apply(network_access::unreported_network()?);
     network_access::follow_clock(&network, &mut interrupt).await?;
     let options = HandOptions::new(&args.serial).baud(args.baud);
     let path = args.serial.clone();

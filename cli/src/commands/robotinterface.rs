@@ -77,7 +77,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     }
     let parks = !settings.has("nopark");
     let network = match BindArgs::from_settings(settings) {
-        Ok(bind) => bind.apply(Network::from_process()?),
+        Ok(bind) => bind.apply(network_access::unreported_network()?),
         Err(problem) => {
             tracing::error!(target: COMPONENT, "{problem}");
             return Ok(ExitCode::FAILURE);

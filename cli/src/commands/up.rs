@@ -114,6 +114,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     // A wait for a clock is reported at once.
     let held = (!network_access::names_clock()).then(stock_log::hold_back);
     let base = NameServerAccess::find(args.bind).await?;
+    stock_log::start_forwarding(&base.network);
     if let Err(failure) = network_access::follow_clock(&base.network, &mut interrupt).await {
         base.close().await;
         return Err(failure);

@@ -61,7 +61,11 @@ fn carry_out(clock: &mut AdjustableClock, request: &Bottle, now: Instant) -> Res
 
 /// Returns the first word of a request, as text or as a vocab.
 fn word(request: &Bottle) -> Option<&'static str> {
-    let first = request.get(0)?.to_plain_string();
+    let first = request.get(0)?;
+    if matches!(first, Value::List(_) | Value::Dictionary(_)) {
+        return None;
+    }
+    let first = first.to_plain_string();
     ["get", "pause", "resume", "step", "rate", "help"]
         .into_iter()
         .find(|word| *word == first || first == format!("[{word}]"))

@@ -3,7 +3,7 @@
 use std::env;
 use std::ffi::OsString;
 use std::fs;
-use std::io;
+use std::io::{self, PipeReader};
 use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
@@ -21,6 +21,8 @@ pub(super) struct Launch {
     pub(super) environment: String,
     /// Working directory; by default that of the server.
     directory: Option<String>,
+    /// Port of the logger that gets the output.
+    pub(super) logger: Option<String>,
 }
 
 impl Launch {
@@ -31,12 +33,13 @@ impl Launch {
             command: text("cmd").unwrap_or_default(),
             environment: text("env").unwrap_or_default(),
             directory: text("workdir"),
+            logger: None,
         }
     }
 
-    /// Starts the command in a process group of its own, without input or output; returns stock's
-    /// error message on failure.
-    pub(super) fn spawn(&self) -> Result<Child, String> {
+    /// Starts the command in a process group of its own, without input; returns its output if it is for a logger, and
+    /// stock's error message on failure.
+    pub(super) fn spawn(&self) -> Result<(Child, Option<PipeReader>), String> {
         let directory = self.directory().map_err(|error| {
             let reason = reason(&error);
             format!("Can't execute command, cannot set working directory {reason}")
@@ -45,12 +48,17 @@ impl Launch {
         let Some((program, arguments)) = words.split_first() else {
             return Err("Can't execute command because it is empty".to_owned());
         };
-        let spawn = |program: OsString| {
+        let mut output = None;
+        let mut spawn = |program: OsString| {
             let mut command = Command::new(program);
             command.args(arguments).current_dir(&directory);
             // Stock programs read these two variables.
             command.env("YARP_IS_YARPRUN", "1");
-            command.env("YARPRUN_IS_FORWARDING_LOG", "0");
+            let is_logged = self.logger.is_some();
+            command.env(
+                "YARPRUN_IS_FORWARDING_LOG",
+                if is_logged { "1" } else { "0" },
+            );
             for variable in self.environment.split(';') {
                 match variable.split_once('=') {
                     Some(("", _)) => {}
@@ -59,8 +67,14 @@ impl Launch {
                     None => drop(command.env_remove(variable)),
                 }
             }
-            command.stdin(Stdio::null()).stdout(Stdio::null());
-            command.stderr(Stdio::null()).process_group(0).spawn()
+            command.stdin(Stdio::null()).process_group(0);
+            if !is_logged {
+                return command.stdout(Stdio::null()).stderr(Stdio::null()).spawn();
+            }
+            // One pipe for both keeps the order of their lines.
+            let (reader, writer) = io::pipe()?;
+            output = Some(reader);
+            command.stdout(writer.try_clone()?).stderr(writer).spawn()
         };
         // As in stock, a program in the working directory takes precedence.
         let beside = directory.join(program);
@@ -68,7 +82,9 @@ impl Launch {
             true => spawn(beside.into()).or_else(|_| spawn(program.into())),
             false => spawn(program.into()),
         };
-        started.map_err(|error| format!("Can't execute command because {}", reason(&error)))
+        let started =
+            started.map_err(|error| format!("Can't execute command because {}", reason(&error)))?;
+        Ok((started, output))
     }
 
     /// Returns the working directory, if it is usable.
@@ -128,6 +144,7 @@ mod tests {
             command: "sleep 9".to_owned(),
             environment: "A=1".to_owned(),
             directory: None,
+            logger: None,
         };
         assert_eq!(Launch::of(&request), expected);
         assert_eq!(Launch::of(&Bottle::new()), Launch::default());

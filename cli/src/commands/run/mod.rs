@@ -17,6 +17,8 @@
 //! it needs the right to administer the port, if a role of `roles.conf` is about it; without such a role and without a key
 //! the server starts only with `--insecure`, or under the name of stock's program, `yarprun`. Browsers are never served.
 //!
+//! `(log)` or `(log PORT)` in a request, or `--log` of the server, sends the output of a command to a logger (`output_log`).
+//!
 //! Each command is a process group of its own (`processes`), signals go to all of it, and whatever is left when the
 //! server ends is ended by a small process beside it, the guard (`guard`): it notices the end of its standard input,
 //! so also a server that was killed leaves nothing behind. What a command makes independent of its group
@@ -24,6 +26,7 @@
 
 mod launch;
 mod orphan_guard;
+mod output_log;
 mod process_table;
 mod run_client;
 mod run_server;
@@ -39,11 +42,11 @@ use crate::output::error_line;
 const USAGE: &str = "
 USAGE:
 
-yarp run --server SERVERPORT [--bind ADDRESS] [--insecure]
+yarp run --server SERVERPORT [--bind ADDRESS] [--insecure] [--log [LOGGERPORT]]
 run a server on the local machine; without a key (auth.conf) or roles (roles.conf) only with --insecure
 
-yarp run --on SERVERPORT --as TAG --cmd COMMAND [ARGLIST] [--workdir WORKDIR] [--env ENVIRONMENT]
-run a command on SERVERPORT server
+yarp run --on SERVERPORT --as TAG --cmd COMMAND [ARGLIST] [--workdir WORKDIR] [--env ENVIRONMENT] [--log [LOGGERPORT]]
+run a command on SERVERPORT server; with --log its output goes to a logger, by default /yarplogger
 
 yarp run --on SERVERPORT --as TAG --stdio STDIOSERVERPORT [--hold] [--geometry WxH+X+Y] --cmd COMMAND [ARGLIST] [--workdir WORKDIR] [--env ENVIRONMENT]
 run a command on SERVERPORT server sending I/O to STDIOSERVERPORT server

@@ -10,6 +10,7 @@ use yarp_wire::{Bottle, Value};
 use super::launch::Launch;
 use super::note;
 use super::orphan_guard::{self, OrphanGuard};
+use super::output_log::OutputLog;
 
 /// Maximum number of commands that run concurrently.
 const MAX_PROCESSES: usize = 256;
@@ -17,6 +18,7 @@ const MAX_PROCESSES: usize = 256;
 /// Running commands.
 pub(super) struct Processes {
     state: Mutex<State>,
+    log: OutputLog,
 }
 
 struct State {
@@ -33,7 +35,7 @@ struct Process {
 }
 
 impl Processes {
-    pub(super) fn new(guard: OrphanGuard) -> Self {
+    pub(super) fn new(guard: OrphanGuard, log: OutputLog) -> Self {
         let state = State {
             running: Vec::new(),
             left: Vec::new(),
@@ -41,6 +43,7 @@ impl Processes {
         };
         Self {
             state: Mutex::new(state),
+            log,
         }
     }
 
@@ -56,13 +59,16 @@ impl Processes {
                 "Can't execute command because {MAX_PROCESSES} are running"
             ));
         }
-        let mut child = launch.spawn()?;
+        let (mut child, output) = launch.spawn()?;
         let Some(pid) = i32::try_from(child.id()).ok().and_then(Pid::from_raw) else {
             let _ = child.kill();
             let _ = child.wait();
             return Err("Can't execute command because its process id is unknown".to_owned());
         };
         guard.watch(pid);
+        if let (Some(output), Some(logger)) = (output, &launch.logger) {
+            self.log.forward(output, &launch.command, pid, logger);
+        }
         running.push(Process { pid, launch });
         let processes = self.clone();
         // The task ends with the command.

@@ -16,6 +16,7 @@ use yarp_wire::{Bottle, Value};
 
 use super::launch::Launch;
 use super::orphan_guard::OrphanGuard;
+use super::output_log::{LOGGER, OutputLog};
 use super::process_table::Processes;
 use super::{EXIT_FAILED, REPLY_ERROR, note};
 use crate::commands::argument_words::Options;
@@ -55,13 +56,20 @@ pub(super) async fn serve(name: &str, options: &Options, out: &mut dyn Write) ->
         tracing::warn!(target: "yarp.run", "******************************");
     }
     let mut interrupt = Interrupt::listen();
-    let processes = Arc::new(Processes::new(OrphanGuard::start()?));
+    let processes = Arc::new(Processes::new(
+        OrphanGuard::start()?,
+        OutputLog::new(&network, name),
+    ));
     let ending = Arc::new(Notify::new());
     let handler = CommandHandler {
         name: name.to_owned(),
         network: network.clone(),
         processes: processes.clone(),
         ending: ending.clone(),
+        logger: options
+            .has("log")
+            .then(|| options.text("log").filter(|name| !name.is_empty()))
+            .map(|name| name.unwrap_or_else(|| LOGGER.to_owned())),
     };
     // The handler checks the roles itself: the right to write is not sufficient.
     let options = PortOptions::new()
@@ -108,6 +116,8 @@ struct CommandHandler {
     network: Network,
     processes: Arc<Processes>,
     ending: Arc<Notify>,
+    /// Logger of all commands, if the server has one.
+    logger: Option<String>,
 }
 
 impl CommandHandler {
@@ -153,10 +163,11 @@ impl CommandHandler {
             return self.aborted(&launch, "This server opens no terminals; leave out --stdio");
         }
         if has("cmd") {
-            if has("log") {
-                note("The output of the command is discarded: this server does not support --log");
+            let mut launch = Launch::of(request);
+            if has("log") || self.logger.is_some() {
+                launch.logger = Some(self.logger_of(request));
             }
-            return self.start(Launch::of(request));
+            return self.start(launch);
         }
         if has("kill") {
             let group = request.find_group("kill");
@@ -189,6 +200,14 @@ impl CommandHandler {
         }
         // Stock does not answer this request.
         not_done(&format!("unknown request: {request}"))
+    }
+
+    /// Returns the logger that a request names, else that of the server.
+    fn logger_of(&self, request: &Bottle) -> String {
+        let group = request.find_group("log");
+        let named = group.and_then(|group| Some(group.get(1)?.as_str()?.to_owned()));
+        let named = named.or_else(|| self.logger.clone());
+        named.unwrap_or_else(|| LOGGER.to_owned())
     }
 
     fn start(&self, launch: Launch) -> Bottle {
