@@ -173,3 +173,26 @@ fn the_dynamic_arm_makes_up_for_a_step_of_the_clock() {
     // It ends although its clock stands.
     drop(arm);
 }
+
+#[test]
+fn messages_that_are_no_time_are_refused_and_change_nothing() {
+    let time = started(7);
+    for (seconds, nanoseconds) in [
+        (-1, 0),
+        (8, -1),
+        (8, 1_000_000_000),
+        (i64::from(u32::MAX) + 1, 0),
+        (i64::MAX, 0),
+    ] {
+        let refused = time.tick(seconds, nanoseconds).unwrap_err();
+        assert_eq!(
+            (refused.seconds, refused.nanoseconds),
+            (seconds, nanoseconds)
+        );
+        assert_eq!(time.time(), Some(7.0));
+    }
+    for (seconds, nanoseconds) in [(8, 999_999_999), (i64::from(u32::MAX), 0)] {
+        time.tick(seconds, nanoseconds).unwrap();
+    }
+    assert_eq!(time.time(), Some(f64::from(u32::MAX)));
+}
