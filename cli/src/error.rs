@@ -11,7 +11,7 @@ use yarp_ports::config::ConfigError;
 use yarp_view::{RecordError, ReplayError};
 use yarp_wrappers::OpenError;
 
-use crate::commands::PlanFailure;
+use crate::commands::{PlanFailure, TeachFailure};
 
 /// Error of a command. Errors that stock has a text for are printed by the command itself.
 #[derive(Debug, thiserror::Error)]
@@ -61,6 +61,9 @@ pub(crate) enum Failure {
     /// A scene for a plan could not be read or written.
     #[error(transparent)]
     Plan(#[from] PlanFailure),
+    /// Teaching or playing failed.
+    #[error(transparent)]
+    Teach(TeachFailure),
     /// The description of a robot is invalid.
     #[error(transparent)]
     Robot(#[from] RobotError),

@@ -12,6 +12,11 @@ export function element(tag, className = "", text = "") {
 const NAMES = ["base yaw", "shoulder pitch", "shoulder yaw", "elbow", "wrist yaw", "wrist pitch", "wrist roll"];
 export const jointName = (index) => NAMES[index] ?? `joint ${index}`;
 
+// Sets a text if it is another.
+export function setText(place, text) {
+  if (place.textContent !== text) place.textContent = text;
+}
+
 function fill(table, titles, rows) {
   const head = element("tr");
   for (const { title, numeric } of titles) head.append(element("th", numeric ? "number" : "", title));
@@ -31,15 +36,20 @@ function row(cells, titles) {
 const JOINT_TITLES = [{ title: "Joint" }, { title: "Position", numeric: true }, { title: "Speed", numeric: true }, { title: "Torque", numeric: true }, { title: "Mode" }];
 
 export function showJoints(table, arm) {
-  const rows = arm.p.map((position, index) => {
-    const name = element("span");
-    const swatch = element("span", "swatch");
-    swatch.style.background = COLOURS[index % COLOURS.length];
-    name.append(swatch, jointName(index));
-    const torque = arm.t ? arm.t[index].toFixed(2) : "–";
-    return row([name, `${position.toFixed(1)}°`, arm.v ? `${arm.v[index].toFixed(1)}°/s` : "–", torque, arm.m?.[index] ?? "–"], JOINT_TITLES);
+  if (table.rows.length !== arm.p.length + 1) {
+    const rows = arm.p.map((_, index) => {
+      const name = element("span");
+      const swatch = element("span", "swatch");
+      swatch.style.background = COLOURS[index % COLOURS.length];
+      name.append(swatch, jointName(index));
+      return row([name, "", "", "", ""], JOINT_TITLES);
+    });
+    fill(table, JOINT_TITLES, rows);
+  }
+  arm.p.forEach((position, index) => {
+    const texts = [`${position.toFixed(1)}°`, arm.v ? `${arm.v[index].toFixed(1)}°/s` : "–", arm.t ? arm.t[index].toFixed(2) : "–", arm.m?.[index] ?? "–"];
+    texts.forEach((text, cell) => setText(table.rows[index + 1].cells[cell + 1], text));
   });
-  fill(table, JOINT_TITLES, rows);
 }
 
 const NETWORK_TITLES = [{ title: "From" }, { title: "To" }, { title: "Carrier" }, { title: "Messages", numeric: true }, { title: "Bytes", numeric: true }, { title: "Dropped", numeric: true }];
