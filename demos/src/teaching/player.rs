@@ -276,6 +276,6 @@ mod tests {
         }
         let player = Player::new(&arm, None, 7.0, &stop);
         let (speeds, _) = player.speeds(&arm, &targets).unwrap();
-        assert!(speeds[0] <= arm.velocity_limits(AxisIndex(0)).unwrap().max);
+        assert!(speeds[0] <= arm.velocity_limits(AxisIndex::new(0)).unwrap().max);
     }
 }
