@@ -13,7 +13,9 @@ fn a_pose_is_stored_and_played() {
     let file = home.path().join("motion.txt");
     let file = file.display();
     let lines = "start\nwait 0.1\nno name\ngrasp hold\nquit\n";
-    let told = home.run_with(&format!("teach {file} --guide"), lines).with(0);
+    let told = home
+        .run_with(&format!("teach {file} --guide"), lines)
+        .with(0);
     assert!(told.says("not stored: expected NAME"), "{told:?}");
     assert!(told.says("there is no hand"), "{told:?}");
     assert!(told.says("The arm holds its place."), "{told:?}");
@@ -24,7 +26,10 @@ fn a_pose_is_stored_and_played() {
     let text = std::fs::read_to_string(file.to_string()).unwrap();
     let taught: Vec<&str> = text.lines().collect();
     assert_eq!(taught.len(), 2, "{text}");
-    assert!(taught[0].starts_with("pose start ") && taught[1] == "wait 0.1", "{text}");
+    assert!(
+        taught[0].starts_with("pose start ") && taught[1] == "wait 0.1",
+        "{text}"
+    );
     assert_eq!(taught[0].split(' ').count(), 9, "{text}");
     // The file is text: another pose, a little away.
     let mut words: Vec<String> = taught[0].split(' ').map(str::to_owned).collect();
@@ -32,9 +37,7 @@ fn a_pose_is_stored_and_played() {
     std::fs::write(file.to_string(), format!("{text}{}\n", words.join(" "))).unwrap();
     let told = home.run(&format!("play {file} --speed 1")).with(0);
     assert!(told.says("wait 0.1"), "{told:?}");
-    let at = home
-        .run_with("rpc /wam/rpc:i", "[get] [enc] 0\n")
-        .with(0);
+    let at = home.run_with("rpc /wam/rpc:i", "[get] [enc] 0\n").with(0);
     assert!(at.says("5.5"), "{at:?}");
     // Beyond the limits: refused before anything moves, with the line.
     words[2] = "500.0".to_owned();

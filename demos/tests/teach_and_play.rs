@@ -5,7 +5,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use yarp_demos::teaching::{MotionFile, MotionFileError, PlayError, Player, Step};
 use yarp_devices::wam::SimulatedWam;
-use yarp_devices::{Axes, AxisIndex, ControlMode, Encoders, Mode, MotionControl, PositionControl};
+use yarp_devices::{
+    Axes, AxisIndex, ControlLimits, ControlMode, Encoders, Mode, MotionControl, PositionControl,
+};
 
 static RUNS: AtomicBool = AtomicBool::new(false);
 
@@ -121,10 +123,16 @@ fn nothing_moves_if_a_later_step_cannot_be_done() {
     let arm = SimulatedWam::new();
     let start = positions(&arm);
     let good = Step::pose("one", near(&arm, 4.0)).unwrap();
-    let mut far = start.clone();
-    far[3] = 900.0;
+    let limit = arm.position_limits(AxisIndex::new(3)).unwrap().max;
+    let beyond = |by: f64| {
+        let mut far = start.clone();
+        far[3] = limit + by;
+        Step::pose("far", far).unwrap()
+    };
+    let player = Player::new(&arm, None, 1.0, &RUNS);
+    player.check(&motion(&[beyond(0.4)])).unwrap();
     for (bad, word) in [
-        (Step::pose("far", far).unwrap(), "axis 3"),
+        (beyond(0.6), "axis 3"),
         (Step::pose("few", vec![0.0; 3]).unwrap(), "3 values"),
         (Step::grasp("hold", vec![0.0; 4]).unwrap(), "hand"),
     ] {

@@ -13,6 +13,9 @@ use super::motion_file::{MotionFile, Step};
 const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// Time that a move may take beyond what its speed says.
 const MOTION_TIMEOUT: Duration = Duration::from_secs(15);
+/// Distance beyond a position limit, degrees, from which a joint is moved to the limit: an arm that is guided onto its stop
+/// measures a little more than the limit.
+const LIMIT_TOLERANCE: f64 = 0.5;
 /// Lowest speed of a joint, deg/s: boards refuse 0.
 const MIN_SPEED: f64 = 0.05;
 /// Speed of an axis without a limit, deg/s.
@@ -140,19 +143,7 @@ impl<'a> Player<'a> {
                     return Err(refused("a grasp needs a hand".to_owned()));
                 }
             };
-            let count = board.axes();
-            if values.len() != count {
-                return Err(refused(format!("{} values for {count} axes", values.len())));
-            }
-            for (axis, &value) in values.iter().enumerate() {
-                let limits = board.position_limits(AxisIndex::new(axis))?;
-                if !limits.contains(value) {
-                    return Err(refused(format!(
-                        "axis {axis} at {value}°, allowed {} to {}",
-                        limits.min, limits.max
-                    )));
-                }
-            }
+            targets(board, values)?.map_err(refused)?;
         }
         Ok(())
     }
@@ -175,12 +166,13 @@ impl<'a> Player<'a> {
     }
 
     /// Moves all axes together and waits until they are at rest.
-    fn move_to(&self, line: usize, board: &dyn Boards, targets: &[f64]) -> Result<(), PlayError> {
+    fn move_to(&self, line: usize, board: &dyn Boards, values: &[f64]) -> Result<(), PlayError> {
         self.check_stop()?;
         check_modes(board)?;
-        let (speeds, duration) = self.speeds(board, targets)?;
+        let targets = targets(board, values)?.map_err(|reason| PlayError::Step { line, reason })?;
+        let (speeds, duration) = self.speeds(board, &targets)?;
         board.set_reference_speeds(Axes::All, &speeds)?;
-        board.position_move(Axes::All, targets)?;
+        board.position_move(Axes::All, &targets)?;
         let timeout = MOTION_TIMEOUT + duration;
         let deadline = Instant::now() + timeout;
         while !board.motion_done(Axes::All)? {
@@ -234,6 +226,27 @@ impl<'a> Player<'a> {
             false => Ok(()),
         }
     }
+}
+
+/// Returns the values inside the position limits of the axes, or the reason why they do not fit.
+fn targets(board: &dyn Boards, values: &[f64]) -> Result<Result<Vec<f64>, String>, DeviceError> {
+    let count = board.axes();
+    if values.len() != count {
+        return Ok(Err(format!("{} values for {count} axes", values.len())));
+    }
+    let mut targets = Vec::with_capacity(count);
+    for (axis, &value) in values.iter().enumerate() {
+        let limits = board.position_limits(AxisIndex::new(axis))?;
+        let target = limits.clamp(value);
+        if (target - value).abs() > LIMIT_TOLERANCE {
+            return Ok(Err(format!(
+                "axis {axis} at {value}°, allowed {} to {}",
+                limits.min, limits.max
+            )));
+        }
+        targets.push(target);
+    }
+    Ok(Ok(targets))
 }
 
 /// Checks that all axes accept moves.

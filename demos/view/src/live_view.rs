@@ -139,12 +139,12 @@ impl View {
                 model.clone(),
             ))
         });
-        let files = PageFiles::new(
-            network,
-            &options.arm,
+        let parts = [
             options.hand.is_some(),
+            options.camera.is_some(),
             options.control,
-        );
+        ];
+        let files = PageFiles::new(network, &options.arm, parts);
         let files = Arc::new(files);
         let page = page_port(files.clone(), control.clone());
         let page = match Port::open(network, &options.name, page).await {

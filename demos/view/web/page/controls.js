@@ -1,6 +1,6 @@
 // Sliders, control modes and the emergency stop.
 
-import { element, jointName } from "./panels.js";
+import { element, jointName, plain } from "./panels.js";
 
 const MAX_COMMANDS_PER_SECOND = 15;
 // Time after which a slider follows the robot again, once nobody drags it.
@@ -102,7 +102,7 @@ export class Controls {
       this.sliders[command].forEach((slider, index) => {
         const position = board?.p[index];
         if (position === undefined || now - slider.touched < FOLLOW_DELAY_MS) return;
-        const text = `${position.toFixed(1)}°`;
+        const text = `${plain(position, 1)}°`;
         if (slider.output.textContent === text) return;
         slider.input.value = position;
         slider.output.textContent = text;

@@ -61,6 +61,7 @@ function configure() {
     at("server").href = config.server;
     at("server").hidden = false;
   }
+  document.body.classList.toggle("no-camera", !config.camera);
   controls.enable(config);
   if (scene || !config.scene) {
     if (!config.scene) explainNoScene("This program was built without the 3D view: its packages were not installed. Run “make setup” (or “npm ci” in demos/view/web) and build again.");

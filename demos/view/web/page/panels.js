@@ -33,7 +33,10 @@ function row(cells, titles) {
   return made;
 }
 
-const JOINT_TITLES = [{ title: "Joint" }, { title: "Position", numeric: true }, { title: "Speed", numeric: true }, { title: "Torque", numeric: true }, { title: "Mode" }];
+const JOINT_TITLES = [{ title: "Joint" }, { title: "Degrees", numeric: true }, { title: "°/s", numeric: true }, { title: "N m", numeric: true }, { title: "Mode" }];
+
+// A number without a minus in front of zeros.
+export const plain = (value, digits) => value.toFixed(digits).replace(/^-(?=0\.?0*$)/, "");
 
 export function showJoints(table, arm) {
   if (table.rows.length !== arm.p.length + 1) {
@@ -47,7 +50,7 @@ export function showJoints(table, arm) {
     fill(table, JOINT_TITLES, rows);
   }
   arm.p.forEach((position, index) => {
-    const texts = [`${position.toFixed(1)}°`, arm.v ? `${arm.v[index].toFixed(1)}°/s` : "–", arm.t ? arm.t[index].toFixed(2) : "–", arm.m?.[index] ?? "–"];
+    const texts = [plain(position, 1), arm.v ? plain(arm.v[index], 1) : "–", arm.t ? plain(arm.t[index], 2) : "–", arm.m?.[index] ?? "–"];
     texts.forEach((text, cell) => setText(table.rows[index + 1].cells[cell + 1], text));
   });
 }

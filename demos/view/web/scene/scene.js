@@ -29,7 +29,6 @@ const RAISE_INTERVAL_MS = 20_000;
 const FRAMES_JUDGED = 11;
 // Resolution relative to the window's, and the size of the shadow's image (0: no shadow).
 const LEVELS = [
-  { ratio: 0.35, shadow: 0 },
   { ratio: 0.5, shadow: 0 },
   { ratio: 0.5, shadow: 512 },
   { ratio: 0.75, shadow: 1024 },
@@ -37,9 +36,9 @@ const LEVELS = [
   { ratio: 1.5, shadow: 2048 },
   { ratio: 2, shadow: 2048 },
 ];
-const FIRST_LEVEL = 4;
+const FIRST_LEVEL = 3;
 // The first level without a graphics card.
-const SOFTWARE_LEVEL = 1;
+const SOFTWARE_LEVEL = 0;
 
 const SURFACES = {
   shell: { roughness: 0.38, metalness: 0.1 },
