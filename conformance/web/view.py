@@ -405,8 +405,11 @@ def readme_picture(page, out, name, ready):
     with contextlib.ExitStack() as stack:
         browser = opened(stack, width=width, height=height)
         browser.command("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
+        browser.command("Emulation.setScrollbarsHidden", hidden=True)
         live(browser, page + "#full")
         until_scene(browser)
+        # Of this machine, not of the reader's.
+        browser.script("document.getElementById('rates').hidden = true")
         browser.until("the picture is complete", ready)
         time.sleep(3)
         path = os.path.join(out, f"{name}.png")

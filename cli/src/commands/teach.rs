@@ -227,7 +227,9 @@ fn let_go(arm: &dyn Boards) -> Result<()> {
 /// Has the joints hold their places, unless somebody has stopped them meanwhile.
 fn hold(arm: &dyn Boards) -> Result<()> {
     let modes = arm.control_modes(Axes::All)?;
-    if modes.iter().any(|mode| *mode != Mode::Torque) {
+    // The state may be older than the change to torque mode.
+    let is_guided = |mode: &Mode| matches!(mode, Mode::Torque | Mode::Position);
+    if !modes.iter().all(is_guided) {
         return Ok(());
     }
     Ok(arm.set_control_modes(Axes::All, &vec![Mode::Position; modes.len()])?)

@@ -93,6 +93,13 @@ function bytes(value) {
   return `${value < 10 ? value.toFixed(1) : Math.round(value)} ${units[unit]}/s`;
 }
 
+// The last part of a name such as `yarp.os.Port`; all of it under the pointer.
+function origin(source) {
+  const made = element("span", "source", source.slice(source.lastIndexOf(".") + 1));
+  made.title = source;
+  return made;
+}
+
 export class LogPanel {
   next = 0;
 
@@ -111,7 +118,7 @@ export class LogPanel {
     const isAtEnd = this.list.scrollHeight - this.list.scrollTop - this.list.clientHeight < 30;
     for (const { time, level, source, text } of fresh) {
       const line = element("li");
-      line.append(element("time", "", new Date(time * 1000).toLocaleTimeString("en-GB")), element("span", "source", source), element("span", level, text));
+      line.append(element("time", "", new Date(time * 1000).toLocaleTimeString("en-GB")), origin(source), element("span", level, text));
       this.list.append(line);
     }
     while (this.list.children.length > 200) this.list.firstChild.remove();
