@@ -395,12 +395,14 @@ def pictures(page, out, name, ready="return true"):
 
 # The pictures of the README: name, width, height.
 README_SIZE = (960, 600)
+# Seconds until the scene of a picture is there: a grasp takes its time.
+README_TIMEOUT = 240
 # Bytes that a picture of the README may have.
 MAX_PICTURE = 200_000
 
 
-def readme_picture(page, out, name, ready):
-    """Keeps what is seen at the best quality."""
+def readme_picture(page, out, name, ready, begin=lambda: None):
+    """Keeps what is seen at the best quality, some time after `begin` was called."""
     width, height = README_SIZE
     with contextlib.ExitStack() as stack:
         browser = opened(stack, width=width, height=height)
@@ -410,8 +412,14 @@ def readme_picture(page, out, name, ready):
         until_scene(browser)
         # Of this machine, not of the reader's.
         browser.script("document.getElementById('rates').hidden = true")
-        browser.until("the picture is complete", ready)
-        time.sleep(3)
+        begin()
+        end = time.monotonic() + README_TIMEOUT
+        while not browser.script(ready):
+            if time.monotonic() > end:
+                raise AssertionError(f"waited in vain for the picture {name}")
+            time.sleep(0.2)
+        # Frames are slow at this quality.
+        browser.later("for (let frame = 0; frame < 3; frame += 1) await new Promise((drawn) => requestAnimationFrame(drawn))")
         path = os.path.join(out, f"{name}.png")
         browser.screenshot(path)
     compress(path)
@@ -435,15 +443,17 @@ def readme(world, out):
     up = Program(world, "up", "--control")
     for joint, degrees in enumerate((-25, 35, 10, 95, 0, 45)):
         rpc(world, "/wam/rpc:i", f"[set] [pos] {joint} {degrees}.0")
-    readme_picture(up.page, out, "live-view", "return Math.abs(globalThis.view.state.arm.p[3] - 95) < 2")
+    readme_picture(up.page, out, "live-view", "return Math.abs(globalThis.view.state.arm.p[3] - 95) < 2 && globalThis.view.state.arm.v.every((speed) => Math.abs(speed) < 0.1)")
     up.end()
-    table = Program(world, "table", "--objects", "8", "--seed", "3", "--prefix", "/lab", "--speed", "1")
+    # Slower than usual: the pictures are drawn by the same processors.
+    table = Program(world, "table", "--objects", "8", "--seed", "3", "--prefix", "/lab", "--speed", "0.5")
     world.await_port("/lab/wam/stateExt:o")
-    world.start(world.yarp, "demo", "tidy", "--remote", "/lab", "--seed", "3")
     readme_picture(
         table.page, out, "tidying",
-        "const { state, table } = globalThis.view;"
-        "return !document.getElementById('picture').hidden && state.hand.p[0] > 20 && table.objects.some(({ pose }) => pose[2] > 0.05)",
+        # An object is well above the table.
+        "const { table } = globalThis.view;"
+        "return !document.getElementById('picture').hidden && table.objects.some(({ pose }) => pose[2] > table.table[0] + 0.15)",
+        lambda: world.start(world.yarp, "demo", "tidy", "--remote", "/lab", "--seed", "3", "--speed", "0.5"),
     )
 
 

@@ -15,7 +15,8 @@ static RUNS: AtomicBool = AtomicBool::new(false);
 fn near(arm: &SimulatedWam, by: f64) -> Vec<f64> {
     let mut joints = positions(arm);
     joints[0] += by;
-    joints[3] -= by / 2.0;
+    // The elbow of the folded arm is at its limit.
+    joints[3] -= by.abs() / 2.0;
     joints
 }
 
