@@ -12,7 +12,7 @@ use yarp_view::{RecordError, ReplayError};
 use yarp_wrappers::OpenError;
 use yarp_wrappers::network_time::ClockError;
 
-use crate::commands::PlanFailure;
+use crate::commands::{PlanFailure, TeachFailure};
 
 /// Error of a command. Errors that stock has a text for are printed by the command itself.
 #[derive(Debug, thiserror::Error)]
@@ -65,6 +65,9 @@ pub(crate) enum Failure {
     /// A scene for a plan could not be read or written.
     #[error(transparent)]
     Plan(#[from] PlanFailure),
+    /// Teaching or playing failed.
+    #[error(transparent)]
+    Teach(TeachFailure),
     /// The description of a robot is invalid.
     #[error(transparent)]
     Robot(#[from] RobotError),

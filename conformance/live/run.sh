@@ -97,6 +97,7 @@ suite "ports of ours in a browser" "$python" conformance/web/ports.py \
     --yarp "$ours" --pictures target/debug/examples/mjpeg_images --out target/web
 suite "pages of other origins in a browser" "$python" conformance/web/origins.py \
     --yarp "$ours" --pictures target/debug/examples/mjpeg_images
+suite "the live view in a browser" "$python" conformance/web/view.py --yarp "$ours" --out target/web
 for server in ours stock; do
     suite "keys of auth.conf, server: $server" "$python" conformance/live/auth.py \
         --stock-yarp "$STOCK/bin/yarp" --our-yarp "$ours" --server "$server"

@@ -1,7 +1,8 @@
 //! The experiments of the thesis on the simulated arm, as functions that write their results.
 //!
 //! `yarp demo repeatability` and `yarp demo sync` run them; they need no network and no robot, and take seconds
-//! where the arm takes hours. `yarp demo statefeed` also measures the state feed of an arm over a network.
+//! where the arm takes hours. `yarp demo statefeed` also measures the state feed of an arm over a network. [`teaching`] is behind
+//! `yarp teach` and `yarp play`.
 
 pub mod joint_synchronisation;
 pub mod repeatability;
@@ -9,6 +10,7 @@ pub mod state_feed;
 pub mod svg_plot;
 #[cfg(all(unix, feature = "table"))]
 pub mod table;
+pub mod teaching;
 
 use std::io;
 

@@ -281,3 +281,35 @@ async fn a_call_that_is_never_answered_ends_at_its_deadline() {
         "{error}"
     );
 }
+
+/// Bytes that a reader which never reads is sent in messages of `length` before `try_write` skips it.
+async fn taken_before_skipped(options: PortOptions, length: usize) -> usize {
+    let writer = open("/writer", options).await;
+    let _stuck = stuck_text(&writer, "/stuck").await;
+    let message = Bottle::of("x".repeat(length));
+    let (mut taken, mut skipped) = (0, 0);
+    // The task of the connection may still be sending after a message was skipped.
+    while skipped < 100 {
+        match writer.try_write(&message, None, 2) {
+            0 => skipped += 1,
+            _ => (taken, skipped) = (taken + length, 0),
+        }
+        tokio::task::yield_now().await;
+    }
+    taken
+}
+
+/// Regression: the system held megabytes for a reader that took none of them, which for a small
+/// stream are minutes, before the port saw that it was behind.
+#[tokio::test]
+#[cfg(target_os = "linux")]
+async fn unsent_bytes_are_limited() {
+    let limited = taken_before_skipped(PortOptions::new().max_unsent(10_000), 5_000).await;
+    // The buffer of the reader, the limit, and what waits in the queue.
+    assert!(limited < 400_000, "{limited}");
+    let default = taken_before_skipped(PortOptions::new(), 5_000).await;
+    assert!(
+        default > 2 * limited,
+        "{default} without a limit, {limited} with one"
+    );
+}

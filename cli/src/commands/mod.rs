@@ -48,6 +48,7 @@ mod split;
 mod stats;
 #[cfg(all(unix, feature = "table"))]
 mod table;
+mod teach;
 mod terminate;
 mod time;
 mod topic;
@@ -67,6 +68,7 @@ use std::io::Write;
 use std::process::ExitCode;
 
 pub(crate) use plan::PlanFailure;
+pub(crate) use teach::TeachFailure;
 
 use crate::cli::Prefixes;
 use crate::error::Result;
@@ -106,6 +108,7 @@ pub(crate) enum Command {
     Namespace(namespace::Args),
     Ping(ping::Args),
     Plan(plan::Args),
+    Play(teach::PlayArgs),
     Plugin(plugin::Args),
     #[command(name = "priority-qos", alias = "qos")]
     PriorityQos(priority_qos::Args),
@@ -128,6 +131,7 @@ pub(crate) enum Command {
     Stats(stats::Args),
     #[cfg(all(unix, feature = "table"))]
     Table(table::Args),
+    Teach(teach::Args),
     Terminate(terminate::Args),
     Time(time::Args),
     Topic(topic::Args),
@@ -197,6 +201,7 @@ impl Command {
             Self::Namespace(args) => namespace::run(args, out),
             Self::Ping(args) => ping::run(args, out).await,
             Self::Plan(args) => plan::run(args, out),
+            Self::Play(args) => teach::play(args, out).await,
             Self::Plugin(args) => plugin::run(args, out),
             Self::PriorityQos(args) => priority_qos::run(args, out).await,
             Self::PrioritySched(args) => priority_sched::run(args, out).await,
@@ -217,6 +222,7 @@ impl Command {
             Self::Stats(args) => stats::run(args, out).await,
             #[cfg(all(unix, feature = "table"))]
             Self::Table(args) => table::run(args, out).await,
+            Self::Teach(args) => teach::run(args, out).await,
             Self::Terminate(args) => terminate::run(args, out).await,
             Self::Time(args) => time::run(args, out).await,
             Self::Topic(args) => topic::run(args, out).await,

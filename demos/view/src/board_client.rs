@@ -12,6 +12,8 @@ const REQUEST_TIMEOUT: Duration = Duration::from_secs(2);
 /// Reason why a request had no effect.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum BoardError {
+    #[error("the positions of the joints are not known: the arm publishes no state")]
+    NoState,
     #[error("{board} cannot be reached: {source}")]
     Network { board: String, source: PortError },
     #[error("{board} refused {request}: {reply}")]
@@ -73,18 +75,31 @@ impl BoardClient {
         Ok(())
     }
 
+    /// Connects unless it is connected, so that the next request does not wait for that.
+    pub(crate) async fn prepare(&self) -> Result<(), PortError> {
+        let mut port = self.port.lock().await;
+        if let Some(lost) = port.take_if(|open| open.outputs().is_empty()) {
+            lost.close().await;
+        }
+        if port.is_none() {
+            *port = Some(self.open().await?);
+        }
+        Ok(())
+    }
+
+    async fn open(&self) -> Result<Port, PortError> {
+        let open = Port::open(&self.network, "...", PortOptions::new().rpc_client()).await?;
+        if let Err(error) = open.connect(&self.board).await {
+            open.close().await;
+            return Err(error);
+        }
+        Ok(open)
+    }
+
     async fn call(&self, port: &mut Option<Port>, request: &Bottle) -> Result<Bottle, PortError> {
         let open = match port.take() {
             Some(open) => open,
-            None => {
-                let open =
-                    Port::open(&self.network, "...", PortOptions::new().rpc_client()).await?;
-                if let Err(error) = open.connect(&self.board).await {
-                    open.close().await;
-                    return Err(error);
-                }
-                open
-            }
+            None => self.open().await?,
         };
         match open.call_within(request, REQUEST_TIMEOUT).await {
             Ok(reply) => {

@@ -3,6 +3,7 @@
 //! ```text
 //! move JOINT DEGREES     moves a joint of the arm, at its speed for moves
 //! hand AXIS DEGREES      moves an axis of the hand
+//! guide X Y Z            moves the arm so that its tool plate comes to a place: m, in the frame of the base
 //! mode WORD              sets the control mode of all joints: pos, vel, torq, idl
 //! halt                   ends all moves; the robot stays where it is and can be moved again
 //! stop                   emergency stop
@@ -11,14 +12,17 @@
 //!
 //! The reply is `ok`, or `refused` with the reason. An emergency stop ends all moves of arm and hand, sets the joints of the arm idle, so
 //! that the board refuses the commands of every program, and refuses those of the page until it is released. The fingers stay where they
-//! are. It passes the commands before it on a connection of its own. It is software: it does not replace the switch on the robot.
+//! are. It passes the commands before it: page and view keep connections ready that carry nothing but stops. It is software: it does not
+//! replace the switch on the robot.
 
 use std::sync::Arc;
+use std::time::Duration;
 
-use yarp_ports::Network;
+use yarp_ports::{Network, Port};
 use yarp_wire::{Bottle, Value, Vocab32};
 
 use crate::board_client::{BoardClient, BoardError};
+use crate::guiding::Guide;
 use crate::log_lines::LogLevel;
 use crate::view_model::Model;
 
@@ -26,6 +30,8 @@ use crate::view_model::Model;
 const JOINTS: usize = 7;
 /// Axes of the hand.
 const HAND_AXES: usize = 4;
+/// Interval between two checks of the connections for stops.
+const PREPARE_INTERVAL: Duration = Duration::from_millis(500);
 /// Modes that the page may set.
 const MODES: [&str; 4] = ["pos", "vel", "torq", "idl"];
 
@@ -37,6 +43,7 @@ pub(crate) struct Control {
     /// Connections for stops alone.
     stop_arm: BoardClient,
     stop_hand: Option<BoardClient>,
+    guide: Guide,
     model: Arc<Model>,
 }
 
@@ -45,6 +52,7 @@ pub(crate) struct Control {
 enum Command {
     Move { axis: usize, degrees: f64 },
     Hand { axis: usize, degrees: f64 },
+    Guide { place: [f64; 3] },
     Mode(&'static str),
     Halt,
     Stop,
@@ -73,6 +81,16 @@ impl Command {
         match word {
             "move" => axis(JOINTS).map(|(axis, degrees)| Self::Move { axis, degrees }),
             "hand" => axis(HAND_AXES).map(|(axis, degrees)| Self::Hand { axis, degrees }),
+            "guide" => {
+                let place = [1, 2, 3].map(|index| {
+                    let value = bottle.get(index).and_then(Value::as_f64);
+                    value.filter(|value| value.is_finite()).unwrap_or(f64::NAN)
+                });
+                match place.iter().any(|value| value.is_nan()) {
+                    true => Err("guide: expected a place: x, y and z in metres".to_owned()),
+                    false => Ok(Self::Guide { place }),
+                }
+            }
             "mode" => {
                 let asked = bottle.get(1).and_then(Value::as_str);
                 let known = MODES.into_iter().find(|mode| Some(*mode) == asked);
@@ -83,7 +101,7 @@ impl Command {
             "halt" => Ok(Self::Halt),
             "stop" => Ok(Self::Stop),
             "release" => Ok(Self::Release),
-            _ => Err("expected move, hand, mode, halt, stop or release".to_owned()),
+            _ => Err("expected move, hand, guide, mode, halt, stop or release".to_owned()),
         }
     }
 }
@@ -96,7 +114,26 @@ impl Control {
             hand: hand.map(client),
             stop_arm: client(arm),
             stop_hand: hand.map(client),
+            guide: Guide::new(),
             model,
+        }
+    }
+
+    /// Keeps the connections for stops ready while somebody watches; runs until it is aborted.
+    pub(crate) async fn keep_ready(self: Arc<Self>, page: Arc<Port>) {
+        loop {
+            tokio::time::sleep(PREPARE_INTERVAL).await;
+            if page.outputs().is_empty() {
+                continue;
+            }
+            for client in [Some(&self.stop_arm), self.stop_hand.as_ref()]
+                .into_iter()
+                .flatten()
+            {
+                if let Err(error) = client.prepare().await {
+                    tracing::debug!("a stop would have to connect first: {error}");
+                }
+            }
         }
     }
 
@@ -127,6 +164,13 @@ impl Control {
                 Some(hand) => hand.send(&[set_position(axis, degrees)]).await,
                 None => Ok(()),
             },
+            Command::Guide { place } => {
+                let Some(present) = self.present() else {
+                    return Err(BoardError::NoState);
+                };
+                let joints = self.guide.towards(&present, place);
+                self.arm.send(&[set_positions(&joints)]).await
+            }
             Command::Mode(mode) => {
                 self.model
                     .log
@@ -165,6 +209,14 @@ impl Control {
         }
     }
 
+    /// Returns the latest joint positions of the arm, degrees, if it publishes all of them.
+    fn present(&self) -> Option<[f64; JOINTS]> {
+        let latest = self.model.latest();
+        let positions = latest.arm.value.as_ref()?.json["p"].as_array()?;
+        let positions: Option<Vec<f64>> = positions.iter().map(serde_json::Value::as_f64).collect();
+        positions?.try_into().ok()
+    }
+
     pub(crate) async fn close(&self) {
         self.arm.close().await;
         self.stop_arm.close().await;
@@ -190,6 +242,11 @@ fn set_position(axis: usize, degrees: f64) -> Bottle {
         .with(vocab("pos"))
         .with(axis as i32)
         .with(degrees)
+}
+
+fn set_positions(degrees: &[f64]) -> Bottle {
+    let targets: Bottle = degrees.iter().map(|&target| Value::from(target)).collect();
+    Bottle::of(vocab("set")).with(vocab("poss")).with(targets)
 }
 
 fn set_modes(mode: &str) -> Bottle {
@@ -224,6 +281,8 @@ mod tests {
             degrees: 90.0,
         };
         assert_eq!(read("hand 3 90"), Ok(expected));
+        let place = [0.5, -0.1, 0.3];
+        assert_eq!(read("guide 0.5 -0.1 0.3"), Ok(Command::Guide { place }));
         assert_eq!(read("mode torq"), Ok(Command::Mode("torq")));
         for bad in [
             "",
@@ -232,6 +291,8 @@ mod tests {
             "move -1 1.0",
             "move 0 up",
             "hand 4 1.0",
+            "guide 0.5 0.1",
+            "guide up 0.1 0.2",
             "mode fly",
             "fly",
             "(stop)",
@@ -245,6 +306,8 @@ mod tests {
     #[test]
     fn requests_are_those_of_a_control_board() {
         assert_eq!(set_position(3, 90.0).to_string(), "[set] [pos] 3 90.0");
+        let all = set_positions(&[1.0, -2.5]);
+        assert_eq!(all.to_string(), "[set] [poss] (1.0 -2.5)");
         assert_eq!(stop().to_string(), "[set] [stos]");
         let modes = "[set] [icmd] [cmds] ([idl] [idl] [idl] [idl] [idl] [idl] [idl])";
         assert_eq!(set_modes("idl").to_string(), modes);

@@ -9,7 +9,7 @@
 //! | `sources` | connections to the ports that are shown, made while somebody watches |
 //! | `view_model`, `view_message` | the latest data, and the messages that bring it |
 //! | `viewer_stream` | the messages to browsers |
-//! | `control`, `board_client` | commands of the page, with `--control` |
+//! | `control`, `guiding`, `board_client` | commands of the page, with `--control` |
 //! | `robot_description`, `mesh` | URDF and meshes, generated from the kinematic models |
 //! | `page_files` | the page itself |
 //! | `mcap`, `recorder`, `recording_replay` | recordings in files, and back into the network |
@@ -17,6 +17,7 @@
 mod board_client;
 mod camera_image;
 mod control;
+mod guiding;
 mod live_view;
 mod log_lines;
 mod mcap;

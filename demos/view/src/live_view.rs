@@ -15,6 +15,8 @@ use crate::viewer_stream::ViewerStream;
 
 /// Maximum number of bytes of a message that a view reads: an image of 16 million pixels.
 const MAX_MESSAGE: usize = 64 << 20;
+/// Maximum number of bytes that the system holds for a viewer that does not read, so that it is not shown what was long ago.
+const MAX_UNSENT: u32 = 64 << 10;
 /// Maximum number of bytes of a command of the page.
 const MAX_COMMAND: usize = 64 << 10;
 
@@ -137,12 +139,12 @@ impl View {
                 model.clone(),
             ))
         });
-        let files = PageFiles::new(
-            network,
-            &options.arm,
+        let parts = [
             options.hand.is_some(),
+            options.camera.is_some(),
             options.control,
-        );
+        ];
+        let files = PageFiles::new(network, &options.arm, parts);
         let files = Arc::new(files);
         let page = page_port(files.clone(), control.clone());
         let page = match Port::open(network, &options.name, page).await {
@@ -154,10 +156,13 @@ impl View {
         };
         let sources = Arc::new(Sources::new(input.clone(), subscriptions));
         let stream = ViewerStream::new(page.clone(), model.clone(), sources.clone(), files);
-        let tasks = vec![
+        let mut tasks = vec![
             tokio::spawn(sources.clone().run(model)),
             tokio::spawn(stream.run()),
         ];
+        if let Some(control) = &control {
+            tasks.push(tokio::spawn(control.clone().keep_ready(page.clone())));
+        }
         Ok(Self {
             page,
             input,
@@ -197,6 +202,7 @@ impl View {
 fn page_port(files: Arc<PageFiles>, control: Option<Arc<Control>>) -> PortOptions {
     PortOptions::new()
         .max_message(MAX_COMMAND)
+        .max_unsent(MAX_UNSENT)
         .type_name("yarp/view")
         .pages(move |request: &http::Request| files.page(request))
         .handler(move |message| match (&control, message.bottle()) {

@@ -70,7 +70,9 @@ pub(crate) struct PageFiles {
 }
 
 impl PageFiles {
-    pub(crate) fn new(network: &Network, arm: &str, has_hand: bool, control: bool) -> Self {
+    /// * `hand`, `camera`: true if the view shows one.
+    /// * `control`: true if the page commands the robot.
+    pub(crate) fn new(network: &Network, arm: &str, [hand, camera, control]: [bool; 3]) -> Self {
         let limits = WamModel::<7>::new()
             .chain
             .limits()
@@ -79,10 +81,11 @@ impl PageFiles {
             .server()
             .map(|(host, port)| format!("http://{host}:{port}/"));
         Self {
-            robot: RobotDescription::wam(has_hand),
+            robot: RobotDescription::wam(hand),
             config: json!({
                 "arm": arm,
-                "hand": has_hand,
+                "hand": hand,
+                "camera": camera,
                 "control": control,
                 "scene": crate::HAS_SCENE,
                 "limits": limits,

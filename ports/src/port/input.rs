@@ -621,6 +621,11 @@ impl Connection {
             self.parts.context.cancelled.clone(),
             Some(self.slot),
         );
+        if let Some(bytes) = self.parts.context.options.max_unsent
+            && let Err(error) = output.socket().set_max_unsent(bytes)
+        {
+            tracing::debug!(port = %self.parts.context.name, bytes, "unsent bytes are not limited: {error}");
+        }
         self.parts.connections.add_output(output);
     }
 }

@@ -81,6 +81,7 @@ pub struct PortOptions {
     pub(super) datagram_timeout: Duration,
     pub(super) limits: Limits,
     pub(super) copies: bool,
+    pub(super) max_unsent: Option<u32>,
 }
 
 /// Idle time after which a datagram writer is probed; the same as the keepalive time of an idle TCP
@@ -118,6 +119,7 @@ impl Default for PortOptions {
             datagram_timeout: DEFAULT_DATAGRAM_TIMEOUT,
             limits: Limits::DEFAULT,
             copies: true,
+            max_unsent: None,
         }
     }
 }
@@ -255,6 +257,15 @@ impl PortOptions {
     /// every port offers them, as in stock.
     pub fn without_copies(mut self) -> Self {
         self.copies = false;
+        self
+    }
+
+    /// Limits the bytes that the system holds for a reader which connected to this port and does
+    /// not take them. A message for one at the limit waits in its queue, where
+    /// [`Port::try_write`](super::Port::try_write) sees it. By default the system decides: megabytes,
+    /// which are minutes of a small stream.
+    pub fn max_unsent(mut self, bytes: u32) -> Self {
+        self.max_unsent = Some(bytes);
         self
     }
 

@@ -60,6 +60,13 @@ impl SocketHandle {
         })
     }
 
+    /// Limits the bytes that a TCP connection accepts before the peer's window admits them.
+    pub(crate) fn set_max_unsent(&self, bytes: u32) -> io::Result<()> {
+        #[cfg(target_os = "linux")]
+        self.with(|socket, _| socket.set_tcp_notsent_lowat(bytes))?;
+        Ok(())
+    }
+
     /// Calls `ask` with the socket, and with whether it uses IPv6.
     fn with<T>(&self, ask: impl FnOnce(SockRef<'_>, bool) -> io::Result<T>) -> io::Result<T> {
         let socket = self.0.upgrade().ok_or(io::ErrorKind::NotConnected)?;

@@ -11,17 +11,28 @@ export class CameraPanel {
     this.size = [1, 1];
     this.detections = null;
     this.times = [];
+    this.isDecoding = false;
+    this.next = null;
   }
 
-  async show({ width, height }, jpeg) {
-    // A new blob, because the bytes belong to the message.
-    const bitmap = await createImageBitmap(new Blob([jpeg], { type: "image/jpeg" }));
-    this.bitmap?.close();
-    this.bitmap = bitmap;
-    this.size = [width, height];
-    const now = performance.now();
-    this.times = [...this.times.filter((time) => now - time < 3000), now];
-    this.draw();
+  // Shows an image; while one is decoded, the newest of the others waits and the rest is left out.
+  async show(size, jpeg) {
+    this.next = [size, jpeg];
+    if (this.isDecoding) return;
+    this.isDecoding = true;
+    while (this.next) {
+      const [{ width, height }, bytes] = this.next;
+      this.next = null;
+      const bitmap = await createImageBitmap(new Blob([bytes], { type: "image/jpeg" })).catch(() => null);
+      if (!bitmap) continue;
+      this.bitmap?.close();
+      this.bitmap = bitmap;
+      this.size = [width, height];
+      const now = performance.now();
+      this.times = [...this.times.filter((time) => now - time < 3000), now];
+      this.draw();
+    }
+    this.isDecoding = false;
   }
 
   setDetections(detections) {

@@ -7,6 +7,7 @@ const COMMAND_TIMEOUT_MS = 5000;
 const LIST = 256;
 const INT32 = 1, STRING = 4, FLOAT64 = 10, VOCAB = 9, BLOB = 12;
 
+const texts = new TextDecoder();
 const block = (letter) => new Uint8Array([0, 0, 0, 0, 0x7e, letter.charCodeAt(0), 0, 1]);
 const address = () => `${location.protocol.replace("http", "ws")}//${location.host}/?ws`;
 
@@ -22,7 +23,7 @@ export function decode(buffer) {
     return found;
   };
   const item = (code) => {
-    if (code === STRING) return new TextDecoder().decode(bytes()).replace(/\0$/, "");
+    if (code === STRING) return texts.decode(bytes()).replace(/\0$/, "");
     if (code === BLOB) return bytes();
     if (code === INT32) return int();
     if (code === FLOAT64) return view.getFloat64((at += 8) - 8, true);
@@ -37,9 +38,9 @@ export function decode(buffer) {
   return list(int());
 }
 
-// Writes a bottle of strings and numbers.
+// Writes a bottle of strings, whole numbers and { number } behind a command block.
 export function encode(items) {
-  const parts = [];
+  const parts = [block("d")];
   const int = (value) => parts.push(new Uint8Array(new Int32Array([value]).buffer));
   int(LIST);
   int(items.length);
@@ -49,15 +50,22 @@ export function encode(items) {
       int(STRING);
       int(text.length);
       parts.push(text);
-    } else if (item.degrees !== undefined) {
+    } else if (item.number !== undefined) {
       int(FLOAT64);
-      parts.push(new Uint8Array(new Float64Array([item.degrees]).buffer));
+      parts.push(new Uint8Array(new Float64Array([item.number]).buffer));
     } else {
       int(INT32);
       int(item);
     }
   }
-  return parts;
+  // One array: a browser sends the parts of a blob only after it has read them elsewhere.
+  const message = new Uint8Array(parts.reduce((sum, part) => sum + part.length, 0));
+  let at = 0;
+  for (const part of parts) {
+    message.set(part, at);
+    at += part.length;
+  }
+  return message;
 }
 
 // Calls show(message, blob) for each message of the view, and status(word) when the connection changes.
@@ -85,13 +93,19 @@ export function watch(show, status) {
 // Commands, answered in their order. A command that is not answered in time is reported as refused.
 export class Commands {
   waiting = [];
+  ready = null;
 
   send(...items) {
     return new Promise((done) => {
       const timer = setTimeout(() => this.settle(entry, ["refused", "the view does not answer"]), COMMAND_TIMEOUT_MS);
       const entry = { done, timer };
       this.waiting.push(entry);
-      this.open().then((socket) => socket.send(new Blob([block("d"), ...encode(items)])), () => {
+      const message = encode(items);
+      if (this.ready) {
+        this.ready.send(message);
+        return;
+      }
+      this.open().then((socket) => socket.send(message), () => {
         this.settle(entry, ["refused", "no connection to the view"]);
       });
     });
@@ -103,16 +117,25 @@ export class Commands {
     entry.done(reply);
   }
 
+  // Keeps a connection open, so that the next command does not wait for one.
+  keep() {
+    this.open().catch(() => {});
+    setTimeout(() => this.keep(), RECONNECT_DELAY_MS);
+  }
+
   open() {
     this.socket ??= new Promise((opened, failed) => {
       const socket = new WebSocket(address());
       socket.binaryType = "arraybuffer";
-      socket.onopen = () => opened(socket);
+      socket.onopen = () => {
+        this.ready = socket;
+        opened(socket);
+      };
       socket.onmessage = ({ data }) => {
         if (this.waiting.length) this.settle(this.waiting[0], decode(data));
       };
       socket.onclose = () => {
-        this.socket = null;
+        this.socket = this.ready = null;
         for (const entry of [...this.waiting]) this.settle(entry, ["refused", "the view closed the connection"]);
         failed(new Error("closed"));
       };

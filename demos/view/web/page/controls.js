@@ -1,24 +1,29 @@
 // Sliders, control modes and the emergency stop.
 
-import { element, jointName } from "./panels.js";
+import { element, jointName, plain } from "./panels.js";
 
 const MAX_COMMANDS_PER_SECOND = 15;
 // Time after which a slider follows the robot again, once nobody drags it.
 const FOLLOW_DELAY_MS = 1500;
 
 export class Controls {
-  constructor(at, commands) {
+  // `urgent` are commands that wait for no others.
+  constructor(at, commands, urgent) {
     this.at = at;
     this.commands = commands;
+    this.urgent = urgent;
+    this.guided = { busy: false, next: null };
     this.sliders = { move: [], hand: [] };
     this.stopped = false;
-    at("stop").addEventListener("click", () => this.tell("stop"));
+    // A finger or a button that goes down is meant; the click follows a tenth of a second later.
+    at("stop").addEventListener("pointerdown", ({ button }) => button === 0 && this.stop());
+    at("stop").addEventListener("click", ({ detail }) => detail === 0 && this.stop());
     at("release").addEventListener("click", () => this.tell("release"));
     at("halt").addEventListener("click", () => this.tell("halt"));
     at("mode").addEventListener("change", () => this.tell("mode", at("mode").value));
     for (const button of document.querySelectorAll("[data-grasp]")) {
       button.addEventListener("click", () => {
-        for (const finger of [0, 1, 2]) this.tell("hand", finger, { degrees: Number(button.dataset.grasp) });
+        for (const finger of [0, 1, 2]) this.tell("hand", finger, { number: Number(button.dataset.grasp) });
       });
     }
   }
@@ -26,6 +31,7 @@ export class Controls {
   enable(config) {
     if (this.sliders.move.length || !config.control) return;
     document.body.classList.add("control");
+    this.urgent.keep();
     this.at("controls").hidden = false;
     this.at("emergency").hidden = false;
     config.limits.forEach(([low, high], index) => this.add("move", "sliders", index, jointName(index), low, high));
@@ -49,26 +55,40 @@ export class Controls {
     input.addEventListener("input", () => {
       slider.touched = performance.now();
       output.textContent = `${Number(input.value).toFixed(1)}°`;
-      slider.next = Number(input.value);
-      this.pump(command, index, slider);
+      slider.next = [command, index, { number: Number(input.value) }];
+      this.pump(slider);
     });
   }
 
-  // Sends the newest value of a slider, one command at a time.
-  async pump(command, index, slider) {
-    if (slider.busy) return;
-    slider.busy = true;
-    while (slider.next !== null) {
-      const degrees = slider.next;
-      slider.next = null;
-      await this.tell(command, index, { degrees });
+  // Guides the tool to a place: m, in the frame of the base.
+  guide(place) {
+    this.guided.next = ["guide", ...place.map((number) => ({ number }))];
+    this.pump(this.guided);
+  }
+
+  // Sends the newest command of a slider or of the handle, one at a time.
+  async pump(source) {
+    if (source.busy) return;
+    source.busy = true;
+    while (source.next !== null) {
+      const command = source.next;
+      source.next = null;
+      await this.tell(...command);
       await new Promise((later) => setTimeout(later, 1000 / MAX_COMMANDS_PER_SECOND));
     }
-    slider.busy = false;
+    source.busy = false;
+  }
+
+  async stop() {
+    for (const source of [this.guided, ...this.sliders.move, ...this.sliders.hand]) source.next = null;
+    this.show(await this.urgent.send("stop"));
   }
 
   async tell(...items) {
-    const [verdict, reason] = await this.commands.send(...items);
+    return this.show(await this.commands.send(...items));
+  }
+
+  show([verdict, reason]) {
     const place = this.at("verdict");
     place.textContent = verdict === "ok" ? "" : reason;
     place.classList.toggle("bad", verdict !== "ok");
@@ -82,7 +102,7 @@ export class Controls {
       this.sliders[command].forEach((slider, index) => {
         const position = board?.p[index];
         if (position === undefined || now - slider.touched < FOLLOW_DELAY_MS) return;
-        const text = `${position.toFixed(1)}°`;
+        const text = `${plain(position, 1)}°`;
         if (slider.output.textContent === text) return;
         slider.input.value = position;
         slider.output.textContent = text;

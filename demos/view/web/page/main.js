@@ -3,11 +3,11 @@
 import { CameraPanel } from "./camera.js";
 import { Commands, watch } from "./connection.js";
 import { Controls } from "./controls.js";
-import { element, LogPanel, showJoints, showNetwork } from "./panels.js";
+import { element, LogPanel, setText, showJoints, showNetwork } from "./panels.js";
 import { Plot } from "./plots.js";
 
 const TABLE_INTERVAL_MS = 150;
-const PLOT_INTERVAL_MS = 60;
+const PLOT_INTERVAL_MS = 100;
 // Age of the state of the arm above which it is reported as lost, in seconds.
 const MAX_STATE_AGE = 1;
 
@@ -15,7 +15,7 @@ const at = (id) => document.getElementById(id);
 const positions = new Plot(at("positions"));
 const torques = new Plot(at("torques"));
 const camera = new CameraPanel(at);
-const controls = new Controls(at, new Commands());
+const controls = new Controls(at, new Commands(), new Commands());
 const log = new LogPanel(at("log"));
 let scene = null;
 let config = null;
@@ -32,7 +32,6 @@ function takeState(state) {
     positions.add(state.time, state.arm.p);
     torques.add(state.time, state.arm.t);
   }
-  controls.follow(state);
   scene?.setState(state);
 }
 
@@ -43,6 +42,7 @@ function takeStatus(status) {
     configure();
   }
   controls.setStopped(status.stopped);
+  scene?.handle.setEnabled(config.control && !status.stopped);
   const banner = at("banner");
   banner.hidden = !status.stopped;
   banner.textContent = status.stopped ? "Emergency stop: arm and hand are halted, and the arm refuses every command until the stop is released." : "";
@@ -61,13 +61,16 @@ function configure() {
     at("server").href = config.server;
     at("server").hidden = false;
   }
+  document.body.classList.toggle("no-camera", !config.camera);
   controls.enable(config);
   if (scene || !config.scene) {
     if (!config.scene) explainNoScene("This program was built without the 3D view: its packages were not installed. Run “make setup” (or “npm ci” in demos/view/web) and build again.");
     return;
   }
   import("/view/scene.js").then(({ Scene }) => {
-    scene = new Scene(at("scene"), { urdf: "/robot/wam.urdf", readout: showTool, failed: explainNoScene });
+    scene = new Scene(at("scene"), { urdf: "/robot/wam.urdf", readout: showTool, failed: explainNoScene, guide: (place) => controls.guide(place), full: location.hash === "#full" });
+    scene.handle.setEnabled(config.control && !globalThis.view.status.stopped);
+    if (globalThis.view.table) scene.setTable(globalThis.view.table);
     if (globalThis.view.state) scene.setState(globalThis.view.state);
   }).catch((error) => explainNoScene(`3D cannot be shown: ${error.message}`));
 }
@@ -91,13 +94,13 @@ function showPlan(plan) {
   if (plan?.progress) [progress.value, progress.max] = plan.progress;
 }
 
-function showTool([x, y, z]) {
+function showTool(...values) {
   const place = at("tool");
   if (!place.children.length) {
     for (const name of ["x", "y", "z"]) place.append(element("dt", "", name), element("dd"));
   }
   const cells = place.querySelectorAll("dd");
-  [x, y, z].forEach((value, index) => (cells[index].textContent = `${(value * 1000).toFixed(0)} mm`));
+  values.forEach((value, index) => setText(cells[index], `${(value * 1000).toFixed(0)} mm`));
 }
 
 function showNews() {
@@ -106,7 +109,8 @@ function showNews() {
   const isFresh = stats.connected && age < MAX_STATE_AGE;
   place.className = isFresh ? "live" : stats.connected ? "" : "lost";
   const viewers = globalThis.view.status?.viewers ?? 1;
-  const others = viewers > 1 ? ` · ${viewers} viewers` : "";
+  const skipped = globalThis.view.status?.skipped ?? 0;
+  const others = (viewers > 1 ? ` · ${viewers} viewers` : "") + (skipped ? ` · ${skipped.toLocaleString("en")} skipped` : "");
   place.textContent = !stats.connected ? "no connection" : isFresh ? `live · ${stats.rate.toFixed(0)} states/s${others}` : `waiting for ${config?.arm ?? "the robot"}`;
   at("rates").textContent = scene ? `${stats.fps.toFixed(0)} frames/s` : "";
 }
@@ -120,19 +124,20 @@ setInterval(() => {
   showNews();
 }, 1000);
 
-let tableAt = 0, plotAt = 0;
+let tableAt = 0, plotAt = 0, plotNext = false;
 function frame(now) {
   requestAnimationFrame(frame);
   if (scene?.draw(now)) stats.frames += 1;
-  if (now - plotAt > PLOT_INTERVAL_MS) {
+  if (now - plotAt > PLOT_INTERVAL_MS / 2) {
     plotAt = now;
-    positions.draw();
-    torques.draw();
+    // One of them per frame: together they would delay it.
+    (plotNext = !plotNext) ? positions.draw() : torques.draw();
   }
   const arm = globalThis.view.state?.arm;
   if (arm && now - tableAt > TABLE_INTERVAL_MS) {
     tableAt = now;
     showJoints(at("joints").querySelector("table"), arm);
+    controls.follow(globalThis.view.state);
   }
 }
 requestAnimationFrame(frame);

@@ -12,6 +12,11 @@ export function element(tag, className = "", text = "") {
 const NAMES = ["base yaw", "shoulder pitch", "shoulder yaw", "elbow", "wrist yaw", "wrist pitch", "wrist roll"];
 export const jointName = (index) => NAMES[index] ?? `joint ${index}`;
 
+// Sets a text if it is another.
+export function setText(place, text) {
+  if (place.textContent !== text) place.textContent = text;
+}
+
 function fill(table, titles, rows) {
   const head = element("tr");
   for (const { title, numeric } of titles) head.append(element("th", numeric ? "number" : "", title));
@@ -28,18 +33,26 @@ function row(cells, titles) {
   return made;
 }
 
-const JOINT_TITLES = [{ title: "Joint" }, { title: "Position", numeric: true }, { title: "Speed", numeric: true }, { title: "Torque", numeric: true }, { title: "Mode" }];
+const JOINT_TITLES = [{ title: "Joint" }, { title: "Degrees", numeric: true }, { title: "°/s", numeric: true }, { title: "N m", numeric: true }, { title: "Mode" }];
+
+// A number without a minus in front of zeros.
+export const plain = (value, digits) => value.toFixed(digits).replace(/^-(?=0\.?0*$)/, "");
 
 export function showJoints(table, arm) {
-  const rows = arm.p.map((position, index) => {
-    const name = element("span");
-    const swatch = element("span", "swatch");
-    swatch.style.background = COLOURS[index % COLOURS.length];
-    name.append(swatch, jointName(index));
-    const torque = arm.t ? arm.t[index].toFixed(2) : "–";
-    return row([name, `${position.toFixed(1)}°`, arm.v ? `${arm.v[index].toFixed(1)}°/s` : "–", torque, arm.m?.[index] ?? "–"], JOINT_TITLES);
+  if (table.rows.length !== arm.p.length + 1) {
+    const rows = arm.p.map((_, index) => {
+      const name = element("span");
+      const swatch = element("span", "swatch");
+      swatch.style.background = COLOURS[index % COLOURS.length];
+      name.append(swatch, jointName(index));
+      return row([name, "", "", "", ""], JOINT_TITLES);
+    });
+    fill(table, JOINT_TITLES, rows);
+  }
+  arm.p.forEach((position, index) => {
+    const texts = [plain(position, 1), arm.v ? plain(arm.v[index], 1) : "–", arm.t ? plain(arm.t[index], 2) : "–", arm.m?.[index] ?? "–"];
+    texts.forEach((text, cell) => setText(table.rows[index + 1].cells[cell + 1], text));
   });
-  fill(table, JOINT_TITLES, rows);
 }
 
 const NETWORK_TITLES = [{ title: "From" }, { title: "To" }, { title: "Carrier" }, { title: "Messages", numeric: true }, { title: "Bytes", numeric: true }, { title: "Dropped", numeric: true }];
@@ -80,6 +93,13 @@ function bytes(value) {
   return `${value < 10 ? value.toFixed(1) : Math.round(value)} ${units[unit]}/s`;
 }
 
+// The last part of a name such as `yarp.os.Port`; all of it under the pointer.
+function origin(source) {
+  const made = element("span", "source", source.slice(source.lastIndexOf(".") + 1));
+  made.title = source;
+  return made;
+}
+
 export class LogPanel {
   next = 0;
 
@@ -98,7 +118,7 @@ export class LogPanel {
     const isAtEnd = this.list.scrollHeight - this.list.scrollTop - this.list.clientHeight < 30;
     for (const { time, level, source, text } of fresh) {
       const line = element("li");
-      line.append(element("time", "", new Date(time * 1000).toLocaleTimeString("en-GB")), element("span", "source", source), element("span", level, text));
+      line.append(element("time", "", new Date(time * 1000).toLocaleTimeString("en-GB")), origin(source), element("span", level, text));
       this.list.append(line);
     }
     while (this.list.children.length > 200) this.list.firstChild.remove();

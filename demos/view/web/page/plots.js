@@ -10,7 +10,8 @@ export class Plot {
 
   constructor(section) {
     this.canvas = section.querySelector("canvas");
-    this.style = getComputedStyle(document.documentElement);
+    this.isSeen = true;
+    new IntersectionObserver(([entry]) => (this.isSeen = entry.isIntersecting)).observe(this.canvas);
   }
 
   add(time, values) {
@@ -22,6 +23,7 @@ export class Plot {
   }
 
   draw() {
+    if (!this.isSeen) return;
     const ratio = Math.min(devicePixelRatio, 2);
     const width = this.canvas.clientWidth, height = this.canvas.clientHeight;
     if (!width || !height) return;
@@ -61,8 +63,10 @@ export class Plot {
     paint.globalAlpha = 1;
     paint.lineWidth = 1.6;
     paint.lineJoin = "round";
-    const every = Math.max(1, Math.floor(this.samples.length / (box.right - box.left)));
-    const count = this.samples.at(-1)?.values.length ?? 0;
+    // A point for every two pixels; which samples are drawn does not change while they move.
+    const slotSeconds = SECONDS / (box.right - box.left) * 2;
+    const newest = this.samples.at(-1);
+    const count = newest?.values.length ?? 0;
     paint.save();
     paint.beginPath();
     paint.rect(box.left, 0, box.right - box.left, height);
@@ -70,10 +74,13 @@ export class Plot {
     for (let line = 0; line < count; line += 1) {
       paint.strokeStyle = COLOURS[line % COLOURS.length];
       paint.beginPath();
-      this.samples.forEach(({ time, values }, index) => {
-        if (index % every && index !== this.samples.length - 1) return;
-        paint.lineTo(x(time), y(values[line]));
-      });
+      let drawn = NaN;
+      for (const sample of this.samples) {
+        const slot = Math.floor(sample.time / slotSeconds);
+        if (slot === drawn && sample !== newest) continue;
+        drawn = slot;
+        paint.lineTo(x(sample.time), y(sample.values[line]));
+      }
       paint.stroke();
     }
     paint.restore();

@@ -3,11 +3,10 @@
 import * as THREE from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import { RoomEnvironment } from "three/examples/jsm/environments/RoomEnvironment.js";
-import { Line2 } from "three/examples/jsm/lines/Line2.js";
-import { LineGeometry } from "three/examples/jsm/lines/LineGeometry.js";
-import { LineMaterial } from "three/examples/jsm/lines/LineMaterial.js";
 import { OBJLoader } from "three/examples/jsm/loaders/OBJLoader.js";
 import URDFLoader from "urdf-loader";
+import { Handle } from "./handle.js";
+import { Polyline } from "./polyline.js";
 import { Table } from "./table.js";
 
 const FLOOR = -0.8;
@@ -18,6 +17,9 @@ const COUPLING = 1 / 3;
 const TRAIL_SECONDS = 12;
 const TRAIL_STEP = 0.004;
 const MAX_TRAIL = 400;
+const MAX_PLAN = 500;
+// Shortest time between two readouts of the tool.
+const READOUT_INTERVAL_MS = 100;
 // Quality is lowered while frames take longer than the first, and raised again while they take less than the second.
 const SLOW_FRAME_MS = 33;
 const FAST_FRAME_MS = 18;
@@ -27,7 +29,6 @@ const RAISE_INTERVAL_MS = 20_000;
 const FRAMES_JUDGED = 11;
 // Resolution relative to the window's, and the size of the shadow's image (0: no shadow).
 const LEVELS = [
-  { ratio: 0.35, shadow: 0 },
   { ratio: 0.5, shadow: 0 },
   { ratio: 0.5, shadow: 512 },
   { ratio: 0.75, shadow: 1024 },
@@ -35,9 +36,9 @@ const LEVELS = [
   { ratio: 1.5, shadow: 2048 },
   { ratio: 2, shadow: 2048 },
 ];
-const FIRST_LEVEL = 4;
+const FIRST_LEVEL = 3;
 // The first level without a graphics card.
-const SOFTWARE_LEVEL = 1;
+const SOFTWARE_LEVEL = 0;
 
 const SURFACES = {
   shell: { roughness: 0.38, metalness: 0.1 },
@@ -56,16 +57,24 @@ const VIEWS = {
 THREE.Object3D.DEFAULT_UP.set(0, 0, 1);
 
 export class Scene {
-  constructor(canvas, { urdf, readout, failed }) {
+  // `guide` is called with the place that the tool is dragged to; `full` asks for the best quality, whatever it costs.
+  constructor(canvas, { urdf, readout, failed, guide, full }) {
     this.canvas = canvas;
+    this.isFull = full;
     this.readout = readout;
     this.robot = null;
     this.trail = [];
+    this.frames = [];
     this.isDirty = true;
+    this.isPosed = true;
+    this.readoutAt = -Infinity;
+    this.place = new THREE.Vector3();
     this.options = { trail: true, frames: false };
-    const isSoftware = drawsInSoftware();
-    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: !isSoftware });
+    this.isSoftware = !full && drawsInSoftware();
+    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: !this.isSoftware });
     this.renderer.shadowMap.enabled = true;
+    // Shadows are drawn when a body has moved, not when the camera has.
+    this.renderer.shadowMap.autoUpdate = false;
     this.renderer.shadowMap.type = THREE.PCFShadowMap;
     this.renderer.toneMapping = THREE.ACESFilmicToneMapping;
     this.scene = new THREE.Scene();
@@ -80,12 +89,13 @@ export class Scene {
     this.light();
     this.ground();
     this.lines();
-    this.table = new Table(this.scene);
+    this.table = new Table(this.scene, (options) => this.material(options));
     this.markers = new THREE.Group();
     this.scene.add(this.markers);
     this.frameTimes = [];
     this.loweredAt = -Infinity;
-    this.setLevel(isSoftware ? SOFTWARE_LEVEL : FIRST_LEVEL);
+    this.setLevel(this.isSoftware ? SOFTWARE_LEVEL : full ? LEVELS.length - 2 : FIRST_LEVEL);
+    this.handle = new Handle(this, guide);
     this.theme = matchMedia("(prefers-color-scheme: dark)");
     this.theme.addEventListener("change", () => this.paint());
     this.paint();
@@ -94,10 +104,22 @@ export class Scene {
     this.load(urdf, failed);
   }
 
+  // Returns a material: without a graphics card one that costs a fraction per pixel.
+  material({ roughness, metalness = 0, ...options }) {
+    if (this.isSoftware) return new THREE.MeshLambertMaterial(options);
+    return new THREE.MeshStandardMaterial({ ...options, roughness, metalness });
+  }
+
   light() {
-    const maker = new THREE.PMREMGenerator(this.renderer);
-    this.scene.environment = maker.fromScene(new RoomEnvironment(), 0.04).texture;
-    maker.dispose();
+    if (this.isSoftware) {
+      this.sky = new THREE.HemisphereLight(0xffffff, 0x8a8f96, 1.6);
+      this.sky.position.set(0, 0, 1);
+      this.scene.add(this.sky);
+    } else {
+      const maker = new THREE.PMREMGenerator(this.renderer);
+      this.scene.environment = maker.fromScene(new RoomEnvironment(), 0.04).texture;
+      maker.dispose();
+    }
     this.sun = new THREE.DirectionalLight(0xffffff, 2.2);
     this.sun.position.set(1.1, -1.5, 2.6);
     this.sun.target.position.set(0.3, 0, -0.2);
@@ -111,7 +133,7 @@ export class Scene {
   }
 
   ground() {
-    this.floor = new THREE.Mesh(new THREE.CircleGeometry(9, 48), new THREE.MeshStandardMaterial({ roughness: 0.95 }));
+    this.floor = new THREE.Mesh(new THREE.CircleGeometry(9, 48), this.material({ roughness: 0.95 }));
     this.floor.position.z = FLOOR;
     this.floor.receiveShadow = true;
     this.grid = new THREE.GridHelper(12, 48);
@@ -120,7 +142,7 @@ export class Scene {
     this.grid.material.transparent = true;
     const pedestal = new THREE.Mesh(
       new THREE.CylinderGeometry(0.125, 0.16, BASE - FLOOR - 0.02, 48),
-      new THREE.MeshStandardMaterial({ color: 0x2a2f36, roughness: 0.6, metalness: 0.3 }),
+      this.material({ color: 0x2a2f36, roughness: 0.6, metalness: 0.3 }),
     );
     const foot = new THREE.Mesh(new THREE.CylinderGeometry(0.3, 0.3, 0.02, 64), pedestal.material);
     for (const [mesh, z] of [[pedestal, (BASE + FLOOR + 0.02) / 2], [foot, FLOOR + 0.01]]) {
@@ -134,15 +156,10 @@ export class Scene {
   }
 
   lines() {
-    const line = (material) => {
-      const made = new Line2(new LineGeometry(), new LineMaterial({ worldUnits: false, transparent: true, ...material }));
-      made.visible = false;
-      made.frustumCulled = false;
-      this.scene.add(made);
-      return made;
-    };
-    this.trailLine = line({ linewidth: 2.5, vertexColors: true });
-    this.planLine = line({ linewidth: 3.5, color: 0x19a979, opacity: 0.9 });
+    this.trailLine = new Polyline(this.scene, MAX_TRAIL, { linewidth: 2.5, vertexColors: true });
+    this.planLine = new Polyline(this.scene, MAX_PLAN, { linewidth: 3.5, color: 0x19a979, opacity: 0.9 });
+    this.near = new THREE.Color(0x2f9bea);
+    this.faded = new THREE.Color();
     this.axes = new THREE.AxesHelper(0.14);
     this.axes.visible = false;
   }
@@ -155,12 +172,12 @@ export class Scene {
       objects.load(path, (group) => {
         const mesh = group.children[0];
         const name = material?.name ?? "shell";
-        materials[name] ??= new THREE.MeshStandardMaterial({ color: material?.color ?? 0xcccccc, ...(SURFACES[name] ?? {}) });
+        materials[name] ??= this.material({ color: material?.color ?? 0xcccccc, ...(SURFACES[name] ?? {}) });
         mesh.material = materials[name];
         mesh.castShadow = true;
         mesh.receiveShadow = true;
         done(mesh);
-        this.isDirty = true;
+        this.isPosed = this.isDirty = true;
       }, undefined, (error) => done(null, error));
     };
     loader.load(urdf, (robot) => {
@@ -170,8 +187,15 @@ export class Scene {
       this.tool.position.z = TOOL_PLATE;
       robot.links.link7.add(this.tool);
       this.tool.add(this.axes);
-      if (this.state) this.setState(this.state);
-      this.isDirty = true;
+      // The frames of the joints, beside the tool's.
+      this.frames = [];
+      for (let joint = 1; joint <= 7; joint += 1) {
+        const axes = new THREE.AxesHelper(0.09);
+        axes.visible = this.options.frames;
+        robot.links[`link${joint}`]?.add(axes);
+        this.frames.push(axes);
+      }
+      this.isPosed = this.isDirty = true;
     }, undefined, (error) => failed(`The description of the robot cannot be read: ${error.message ?? error}`));
   }
 
@@ -185,8 +209,9 @@ export class Scene {
     this.grid.material.color.set(dark ? 0x3a4a5a : 0x8fa1b3);
     this.grid.material.opacity = dark ? 0.35 : 0.35;
     this.scene.environmentIntensity = dark ? 0.42 : 0.62;
+    if (this.sky) this.sky.intensity = dark ? 1.1 : 1.9;
     this.renderer.toneMappingExposure = dark ? 0.95 : 1.05;
-    this.isDirty = true;
+    this.isPosed = this.isDirty = true;
   }
 
   look(name) {
@@ -200,52 +225,54 @@ export class Scene {
   setOption(name, value) {
     this.options[name] = value;
     this.axes.visible = this.options.frames;
-    this.trailLine.visible = this.options.trail && this.trail.length > 1;
-    this.isDirty = true;
+    for (const axes of this.frames) axes.visible = this.options.frames;
+    this.isPosed = this.isDirty = true;
   }
 
+  // Takes a state; the next frame shows the latest one.
   setState(state) {
     this.state = state;
-    if (!this.robot) return;
-    const radians = (degrees) => degrees * Math.PI / 180;
-    state.arm?.p.forEach((angle, index) => this.robot.setJointValue(`joint${index + 1}`, radians(angle)));
+    this.isPosed = this.isDirty = true;
+  }
+
+  // Brings the robot to the latest state.
+  pose(now) {
+    const { state, robot } = this;
+    if (!robot || !state) return;
+    const radians = Math.PI / 180;
+    state.arm?.p.forEach((angle, index) => robot.setJointValue(`joint${index + 1}`, angle * radians));
     const hand = state.hand?.p;
     if (hand) {
       for (let finger = 1; finger <= 3; finger += 1) {
-        const inner = radians(hand[finger - 1]);
-        this.robot.setJointValue(`finger${finger}_inner`, inner);
-        this.robot.setJointValue(`finger${finger}_outer`, inner * COUPLING);
-        if (finger < 3) this.robot.setJointValue(`finger${finger}_spread`, radians(hand[3] ?? 0));
+        const inner = hand[finger - 1] * radians;
+        robot.setJointValue(`finger${finger}_inner`, inner);
+        robot.setJointValue(`finger${finger}_outer`, inner * COUPLING);
+        if (finger < 3) robot.setJointValue(`finger${finger}_spread`, (hand[3] ?? 0) * radians);
       }
     }
-    this.robot.updateMatrixWorld(true);
-    const place = new THREE.Vector3().setFromMatrixPosition(this.tool.matrixWorld);
-    this.readout(place.toArray());
-    this.follow(place, state.time);
-    this.isDirty = true;
-  }
-
-  follow(place, time) {
-    const last = this.trail.at(-1);
-    if (last && time < last.time) this.trail = [];
-    if (!last || last.place.distanceTo(place) > TRAIL_STEP) this.trail.push({ place, time });
-    while (this.trail.length > MAX_TRAIL || (this.trail.length && this.trail[0].time < time - TRAIL_SECONDS)) this.trail.shift();
-    this.trailLine.visible = this.options.trail && this.trail.length > 1;
-    if (!this.trailLine.visible) return;
-    const near = new THREE.Color(0x2f9bea);
-    const far = this.scene.background;
-    const colours = [];
-    for (const { time: at } of this.trail) {
-      const age = Math.min(1, (time - at) / TRAIL_SECONDS);
-      colours.push(...near.clone().lerp(far, age).toArray());
+    robot.updateMatrixWorld(true);
+    this.place.setFromMatrixPosition(this.tool.matrixWorld);
+    this.handle.follow(this.place);
+    if (now - this.readoutAt > READOUT_INTERVAL_MS) {
+      this.readoutAt = now;
+      this.readout(this.place.x, this.place.y, this.place.z);
     }
-    this.replace(this.trailLine, this.trail.flatMap(({ place }) => place.toArray()), colours);
+    this.follow(state.time);
   }
 
-  replace(line, places, colours) {
-    line.geometry.dispose();
-    line.geometry = new LineGeometry().setPositions(places);
-    if (colours) line.geometry.setColors(colours);
+  follow(time) {
+    const { trail, place } = this;
+    const last = trail.at(-1);
+    if (last && time < last.time) trail.length = 0;
+    if (!last || place.distanceTo(last.place) > TRAIL_STEP) trail.push({ place: place.clone(), time });
+    while (trail.length > MAX_TRAIL || (trail.length && trail[0].time < time - TRAIL_SECONDS)) trail.shift();
+    const isVisible = this.options.trail && trail.length > 1;
+    this.trailLine.visible = isVisible;
+    if (!isVisible) return;
+    this.trailLine.set(trail.length, (index, array, at) => trail[index].place.toArray(array, at), (index, array, at) => {
+      const age = Math.min(1, (time - trail[index].time) / TRAIL_SECONDS);
+      this.faded.copy(this.near).lerp(this.scene.background, age).toArray(array, at);
+    });
   }
 
   setPlan(plan) {
@@ -254,13 +281,13 @@ export class Scene {
     this.planText = text;
     const path = plan?.path ?? [];
     this.planLine.visible = path.length > 1;
-    if (path.length > 1) this.replace(this.planLine, path.flat());
+    this.planLine.set(path.length, (index, array, at) => array.set(path[index], at));
     this.isDirty = true;
   }
 
   setTable(table) {
     this.table.set(table);
-    this.isDirty = true;
+    this.isPosed = this.isDirty = true;
   }
 
   // Rings where detected objects are said to be.
@@ -293,15 +320,19 @@ export class Scene {
   }
 
   // Draws a frame if anything has changed; returns true if it did.
-  draw() {
+  draw(now) {
     this.controls.update();
     if (!this.isDirty) {
       this.last = null;
       return false;
     }
-    this.isDirty = false;
+    if (this.isPosed) {
+      this.pose(now);
+      this.renderer.shadowMap.needsUpdate = true;
+    }
+    this.isPosed = this.isDirty = false;
     this.renderer.render(this.scene, this.camera);
-    this.adapt();
+    if (!this.isFull) this.adapt();
     return true;
   }
 
@@ -329,6 +360,7 @@ export class Scene {
     this.sun.shadow.mapSize.set(shadow || 512, shadow || 512);
     this.sun.shadow.map?.dispose();
     this.sun.shadow.map = null;
+    this.isPosed = true;
     this.resize();
   }
 }

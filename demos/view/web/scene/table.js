@@ -7,7 +7,9 @@ const WALL = 0.01;
 const FLOOR = -0.8;
 
 export class Table {
-  constructor(scene) {
+  // `material` returns the material for roughness, colour and the like.
+  constructor(scene, material) {
+    this.material = material;
     this.group = new THREE.Group();
     this.objects = new Map();
     this.furniture = "";
@@ -26,7 +28,7 @@ export class Table {
       seen.add(key);
       let mesh = this.objects.get(key);
       if (!mesh) {
-        mesh = shape(object);
+        mesh = shape(object, this.material);
         this.objects.set(key, mesh);
         this.group.add(mesh);
       }
@@ -54,15 +56,15 @@ export class Table {
     };
     if (table) {
       const [surface, x0, x1, y0, y1] = table;
-      const wood = new THREE.MeshStandardMaterial({ map: grain(), roughness: 0.55 });
-      const legs = new THREE.MeshStandardMaterial({ color: 0x3b4148, roughness: 0.5, metalness: 0.4 });
+      const wood = this.material({ map: grain(), roughness: 0.55 });
+      const legs = this.material({ color: 0x3b4148, roughness: 0.5, metalness: 0.4 });
       box(wood, [(x0 + x1) / 2, (y0 + y1) / 2, surface - THICKNESS / 2], [x1 - x0, y1 - y0, THICKNESS]);
       const height = surface - THICKNESS - FLOOR;
       for (const x of [x0 + 0.04, x1 - 0.04]) {
         for (const y of [y0 + 0.04, y1 - 0.04]) box(legs, [x, y, FLOOR + height / 2], [0.04, 0.04, height]);
       }
     }
-    const weave = new THREE.MeshStandardMaterial({ color: 0x9a6b3f, roughness: 0.9 });
+    const weave = this.material({ color: 0x9a6b3f, roughness: 0.9 });
     for (const [x, y, z, length, width, depth] of baskets) {
       box(weave, [x, y, z - WALL / 2], [length + 2 * WALL, width + 2 * WALL, WALL]);
       for (const side of [-1, 1]) {
@@ -97,9 +99,9 @@ function grain() {
   return texture;
 }
 
-function shape({ shape, size, colour }) {
+function shape({ shape, size, colour }, make) {
   const [r, g, b, a] = colour ?? [0.6, 0.6, 0.6, 1];
-  const material = new THREE.MeshStandardMaterial({ roughness: 0.45, transparent: a < 1, opacity: Math.max(a, 0.35), side: shape === "cup" ? THREE.DoubleSide : THREE.FrontSide });
+  const material = make({ roughness: 0.45, transparent: a < 1, opacity: Math.max(a, 0.35), side: shape === "cup" ? THREE.DoubleSide : THREE.FrontSide });
   material.color.setRGB(r, g, b);
   const mesh = new THREE.Mesh(geometry(shape, size), material);
   mesh.castShadow = true;
