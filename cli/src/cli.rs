@@ -5,6 +5,7 @@ use std::process::ExitCode;
 
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser};
+use yarp_wrappers::network_time;
 
 use crate::commands::Command;
 use crate::error::Result;
@@ -78,7 +79,10 @@ pub(crate) async fn run(
                 output::serve();
                 descriptors::raise_limit();
             }
-            cli.command.run(prefixes, out).await
+            let result = cli.command.run(prefixes, out).await;
+            // Does nothing unless the command followed a clock.
+            network_time::close().await;
+            result
         }
         Err(error) => {
             let help = matches!(error.kind(), ErrorKind::DisplayHelp);

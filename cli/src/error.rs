@@ -10,6 +10,7 @@ use yarp_ports::PortError;
 use yarp_ports::config::ConfigError;
 use yarp_view::{RecordError, ReplayError};
 use yarp_wrappers::OpenError;
+use yarp_wrappers::network_time::ClockError;
 
 use crate::commands::PlanFailure;
 
@@ -44,6 +45,9 @@ pub(crate) enum Failure {
     /// A recording cannot be played.
     #[error(transparent)]
     Replay(#[from] ReplayError),
+    /// The clock of `YARP_CLOCK` cannot be followed.
+    #[error(transparent)]
+    Clock(Box<ClockError>),
     /// The ports of the arm or camera could not be opened.
     #[error(transparent)]
     Open(OpenError),
@@ -104,5 +108,11 @@ impl Failure {
     /// Returns the error with its causes, on one line.
     pub(crate) fn error_chain(&self) -> String {
         yarp_ports::error_chain(self)
+    }
+}
+
+impl From<ClockError> for Failure {
+    fn from(error: ClockError) -> Self {
+        Self::Clock(Box::new(error))
     }
 }

@@ -8,8 +8,10 @@ use yarp_wire::carrier::Carrier;
 use yarp_wire::message::{Command, WireObject};
 use yarp_wire::name_service::UNSUPPORTED_PREFIX;
 use yarp_wire::{Bottle, Contact, PortName, Value};
+use yarp_wrappers::network_time;
 
 use crate::error::Result;
+use crate::signals::Interrupt;
 
 /// Name of the client in administrative connections.
 const ADMIN_NAME: &str = "admin";
@@ -32,6 +34,16 @@ pub(crate) fn network() -> Result<Network> {
         }
     }
     Ok(network)
+}
+
+/// Returns whether `YARP_CLOCK` names a clock.
+pub(crate) fn names_clock() -> bool {
+    std::env::var("YARP_CLOCK").is_ok_and(|clock| !clock.is_empty())
+}
+
+/// Follows the clock of `YARP_CLOCK`, if it is set, until the command ends. A signal ends the wait for the clock.
+pub(crate) async fn follow_clock(network: &Network, interrupt: &mut Interrupt) -> Result<()> {
+    Ok(network_time::follow_until(network, interrupt.interrupted()).await?)
 }
 
 /// Returns the resource finder of a program with this command line, with `file` as default

@@ -43,6 +43,12 @@ fn a_finger_moves_by_rpc_and_through_the_hand_server() {
         .run_with("rpc /hand/hand/rpc:i", "grasp rect\n")
         .with(0);
     assert!(grasp.says("Response: [ok]"), "{grasp:?}");
+    let stopped = home.run_with("rpc /hand/stop/rpc:i", "stop\n").with(0);
+    assert!(stopped.says("[ok] stopped"), "{stopped:?}");
+    let refused = home.run_with("rpc /hand/hand/rpc:i", "grasp peg\n");
+    assert!(refused.says("software stop"), "{refused:?}");
+    let released = home.run_with("rpc /hand/stop/rpc:i", "release\n").with(0);
+    assert!(released.says("[ok] released"), "{released:?}");
     let where_it_is = home
         .run_with("rpc /hand/hand/rpc:i", "gcl 4FGET P\n")
         .with(0);

@@ -8,7 +8,7 @@ use yarp_ports::Network;
 use yarp_wrappers::{RemoteFrameGrabber, RemoteFrameGrabberOptions};
 
 use crate::robot::wait_first_value;
-use crate::{Error, Result, local_name};
+use crate::{Error, Result, local_name, time};
 
 /// Maximum wait for the first image of a camera.
 const FIRST_IMAGE_TIMEOUT: Duration = Duration::from_secs(5);
@@ -40,6 +40,7 @@ impl Camera {
 
     /// Connects with explicit options.
     pub fn open(network: &Network, options: RemoteFrameGrabberOptions) -> Result<Self> {
+        time::follow(network)?;
         let grabber = RemoteFrameGrabber::open(network, options)?;
         let expired = |_| Error::NoImage {
             remote: grabber.remote().to_owned(),

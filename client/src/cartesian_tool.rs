@@ -8,7 +8,7 @@ use yarp_ports::Network;
 use yarp_wrappers::{RemoteCartesianControl, RemoteCartesianOptions};
 
 use crate::robot::wait_first_value;
-use crate::{Error, Result, local_name};
+use crate::{Error, Result, local_name, time};
 
 /// Maximum wait for the first pose of a tool.
 const FIRST_POSE_TIMEOUT: Duration = Duration::from_secs(5);
@@ -42,6 +42,7 @@ impl CartesianTool {
 
     /// Connects with explicit options.
     pub fn open(network: &Network, options: RemoteCartesianOptions) -> Result<Self> {
+        time::follow(network)?;
         let remote = RemoteCartesianControl::open(network, options)?;
         wait_first_value(FIRST_POSE_TIMEOUT, || remote.pose(), Error::from)?;
         Ok(Self { remote })

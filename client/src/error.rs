@@ -9,6 +9,7 @@ use yarp_ports::remote_admin::ConnectError;
 use yarp_ports::{PortError, error_chain};
 use yarp_wire::bottle::DecodeError;
 use yarp_wrappers::OpenError;
+use yarp_wrappers::network_time::ClockError;
 
 /// The result of a call of this crate.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
@@ -22,6 +23,9 @@ pub enum Error {
     /// The network or a port could not be reached.
     #[error(transparent)]
     Network(#[from] PortError),
+    /// The clock of `YARP_CLOCK` cannot be followed.
+    #[error(transparent)]
+    Clock(Box<ClockError>),
     /// Two ports could not be connected.
     #[error(transparent)]
     Connect(#[from] ConnectError),
@@ -82,5 +86,11 @@ pub enum Error {
 impl fmt::Debug for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&error_chain(self))
+    }
+}
+
+impl From<ClockError> for Error {
+    fn from(error: ClockError) -> Self {
+        Self::Clock(Box::new(error))
     }
 }

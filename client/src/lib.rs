@@ -21,6 +21,7 @@
 //! | [`RpcClient`], [`RpcServer`] | requests and replies |
 //! | [`Robot`], [`Hand`], [`CartesianTool`], [`Camera`] | remote devices, with the interfaces of [`yarp_devices`] |
 //! | [`module::Module`] | a program with a name, parameters, an RPC port and a periodic update |
+//! | [`time`] | the time of the machine, or of the clock that `YARP_CLOCK` names |
 //! | [`Message`] (derive), [`bottle!`] | typed and untyped messages |
 //! | [`asynchronous`] | the same for programs that run on tokio |
 //!
@@ -41,6 +42,7 @@ mod robot;
 mod robot_hand;
 mod rpc;
 mod subscriber;
+pub mod time;
 
 use std::time::Duration;
 

@@ -5,11 +5,12 @@ use std::sync::Arc;
 use std::thread;
 use std::time::{Duration, Instant};
 
+use yarp_devices::clock::TimeSource;
 use yarp_devices::{Axes, Device, DeviceError, Encoders, PositionControl};
 use yarp_ports::Network;
 use yarp_wrappers::{RemoteControlBoard, RemoteControlBoardOptions};
 
-use crate::{Error, POLL_INTERVAL, Result, local_name};
+use crate::{Error, POLL_INTERVAL, Result, local_name, time};
 
 /// Maximum wait for the first state of a board.
 const FIRST_STATE_TIMEOUT: Duration = Duration::from_secs(5);
@@ -48,6 +49,7 @@ impl Robot {
 
     /// Connects with explicit options.
     pub fn open(network: &Network, options: RemoteControlBoardOptions) -> Result<Self> {
+        time::follow(network)?;
         let board = RemoteControlBoard::open(network, options)?;
         let first_state = || board.encoder_readings(Axes::All);
         wait_first_value(FIRST_STATE_TIMEOUT, first_state, Error::from)?;
@@ -66,14 +68,17 @@ impl Robot {
 
     /// Waits until the moves of these axes are done, at most for `timeout`; returns false after it.
     ///
+    /// With `YARP_CLOCK` the timeout is one of that clock.
+    ///
     /// Errors: those of [`PositionControl::motion_done`].
     pub fn wait_motion_done(&self, axes: Axes<'_>, timeout: Duration) -> Result<bool, DeviceError> {
-        let deadline = Instant::now() + timeout;
+        let source = TimeSource::current();
+        let deadline = source.instant() + timeout;
         loop {
             if self.motion_done(axes)? {
                 return Ok(true);
             }
-            if Instant::now() >= deadline {
+            if source.instant() >= deadline {
                 return Ok(false);
             }
             thread::sleep(POLL_INTERVAL);

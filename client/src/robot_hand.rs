@@ -5,7 +5,7 @@ use std::ops::Deref;
 use yarp_ports::Network;
 use yarp_wrappers::{RemoteHand, RemoteHandOptions};
 
-use crate::{Result, local_name};
+use crate::{Result, local_name, time};
 
 /// A hand somewhere on the network: named grasps, finger motions, abort.
 ///
@@ -32,6 +32,7 @@ impl Hand {
 
     /// Connects with explicit options.
     pub fn open(network: &Network, options: RemoteHandOptions) -> Result<Self> {
+        time::follow(network)?;
         Ok(Self {
             remote: RemoteHand::open(network, options)?,
         })

@@ -128,6 +128,8 @@ for server in ours stock; do
     suite "messages within one machine, server: $server" \
         env TMPDIR="$work/$server/tmp" YARP_RUNTIME_DIR="$work/$server/tmp" \
         "$with_stock" "$python" conformance/live/carriers.py "$ours" "$with_stock yarp"
+    suite "clocks, server: $server" \
+        "$with_stock" "$python" conformance/live/clock.py "$ours" "$with_stock yarp"
     # Stock's unix_stream needs this, or a user with a name.
     suite "copies of what ports receive, server: $server" \
         env TMPDIR="$work/$server/tmp" YARP_RUNTIME_DIR="$work/$server/tmp" \

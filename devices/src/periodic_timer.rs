@@ -1,12 +1,15 @@
 //! A timer with a fixed rate, which counts missed deadlines.
 
-use std::thread;
 use std::time::{Duration, Instant};
+
+use crate::clock::TimeSource;
 
 /// Shortest period; a period of 0 would never end.
 pub const MIN_PERIOD: Duration = Duration::from_micros(100);
 /// Time that [`MissedCycles::CatchUp`] makes up for.
 const MAX_CATCH_UP: Duration = Duration::from_millis(100);
+/// The same for a clock on the network, which advances in steps.
+const MAX_NETWORK_CATCH_UP: Duration = Duration::from_secs(10);
 
 /// Deadlines at equal distances.
 ///
@@ -28,6 +31,8 @@ pub struct PeriodicTimer {
     period: Duration,
     next: Instant,
     missed_cycles: MissedCycles,
+    max_catch_up: Duration,
+    source: TimeSource,
     statistics: CycleStatistics,
 }
 
@@ -37,7 +42,7 @@ pub enum MissedCycles {
     /// Leaves them out; later ones keep their deadlines.
     Skip,
     /// Carries them out one after the other, as a model that keeps up with time needs them. After a pause of the machine of
-    /// more than 100 ms the deadlines start anew.
+    /// more than 100 ms, or a step of more than 10 s of a clock on the network, the deadlines start anew.
     CatchUp,
     /// Starts the deadlines anew, so that no cycle comes less than a period after the previous one: for commands in small steps.
     Restart,
@@ -64,7 +69,24 @@ impl PeriodicTimer {
             period,
             next: start + period,
             missed_cycles,
+            max_catch_up: MAX_CATCH_UP,
+            source: TimeSource::System,
             statistics: CycleStatistics::default(),
+        }
+    }
+
+    /// Creates a timer on a time source; its first cycle is due one period from now.
+    ///
+    /// Not for hardware: a clock on the network may stand still.
+    pub fn on(source: TimeSource, period: Duration, missed_cycles: MissedCycles) -> Self {
+        let max_catch_up = match source.is_network() {
+            true => MAX_NETWORK_CATCH_UP,
+            false => MAX_CATCH_UP,
+        };
+        Self {
+            max_catch_up,
+            source: source.clone(),
+            ..Self::new(source.instant(), period, missed_cycles)
         }
     }
 
@@ -79,13 +101,13 @@ impl PeriodicTimer {
             if is_ending() {
                 return false;
             }
-            let now = Instant::now();
+            let now = self.source.instant();
             if now >= self.next {
                 self.done(now);
                 return true;
             }
             // May wake early, then the loop comes back here.
-            thread::park_timeout(self.next - now);
+            self.source.park_until(self.next);
         }
     }
 
@@ -106,7 +128,7 @@ impl PeriodicTimer {
                 };
                 (u64::try_from(missed).unwrap_or(u64::MAX), next)
             }
-            MissedCycles::CatchUp if taken <= MAX_CATCH_UP => (0, self.next + self.period),
+            MissedCycles::CatchUp if taken <= self.max_catch_up => (0, self.next + self.period),
             MissedCycles::CatchUp | MissedCycles::Restart => (0, self.next.max(now) + self.period),
         };
         self.statistics.missed += missed;

@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use nalgebra::Vector3;
 use yarp_devices::cartesian::{CartesianController, CartesianOptions};
 use yarp_devices::kinematics::{Chain, Joints, Pose, Solver, SolverOptions, rotation_vector};
+use yarp_devices::pseudo_random::Random;
 use yarp_devices::trajectory::{StraightLine, StraightLineError, StraightLineOptions};
 use yarp_devices::wam::{SimulatedWam, WamModel};
 use yarp_devices::{
@@ -33,16 +34,12 @@ fn steps(sample: usize) -> usize {
     }
 }
 
-/// A linear congruential generator (Knuth).
-struct Draw(u64);
+/// Random draws.
+struct Draw(Random);
 
 impl Draw {
     fn between(&mut self, min: f64, max: f64) -> f64 {
-        self.0 = self
-            .0
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        min + (max - min) * (self.0 >> 11) as f64 / (1_u64 << 53) as f64
+        self.0.between(min, max)
     }
 
     fn joints<const N: usize>(&mut self, chain: &Chain<N>) -> Joints<N> {
@@ -103,7 +100,7 @@ fn lines_of_the_tool_are_straight_and_keep_the_posture() {
     };
     let chain = WamModel::<7>::new().chain;
     let solver = Solver::with_options(chain.clone(), options);
-    let mut draw = Draw(20_261_123);
+    let mut draw = Draw(Random::new(20_261_123));
     let (mut followed, mut postures, mut worst, mut largest) = (0, 0, 0.0_f64, 0.0_f64);
     for _ in 0..total {
         let start = draw.joints(&chain);
@@ -163,7 +160,7 @@ fn with_permission_a_line_may_change_the_posture() {
         joint_speed: f64::INFINITY,
         ..StraightLineOptions::default()
     };
-    let mut draw = Draw(20_261_123);
+    let mut draw = Draw(Random::new(20_261_123));
     let period = Duration::from_millis(10);
     let changes = (0..SAMPLE).any(|_| {
         let start = draw.joints(&chain);
@@ -264,7 +261,7 @@ impl Device for Recorder {
 /// Makes `total` steps with a controller; returns how many were followed, and the largest distance from the line.
 fn controller_steps(seed: u64, total: usize) -> (usize, f64) {
     let chain = WamModel::<7>::new().chain;
-    let mut draw = Draw(seed);
+    let mut draw = Draw(Random::new(seed));
     let (mut followed, mut worst) = (0, 0.0_f64);
     for _ in 0..total {
         let start = draw.joints(&chain);
@@ -329,7 +326,7 @@ fn steps_of_the_controller_are_straight_and_keep_the_posture() {
 /// A step of a random sample that the arm could make in another posture only.
 fn step_to_another_posture() -> (Joints<7>, TaskPose) {
     let model = WamModel::<7>::new();
-    let mut draw = Draw(20_261_123);
+    let mut draw = Draw(Random::new(20_261_123));
     (0..SAMPLE)
         .find_map(|_| {
             let start = draw.joints(&model.chain);

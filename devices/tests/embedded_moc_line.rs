@@ -2,13 +2,17 @@
 
 mod embedded;
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
+use std::thread;
 
 use embedded::{at_rest, driver_options, eventually, ideal_arm, node_options, place};
 use yarp_devices::embedded::{CartesianPose, EmbeddedWam, LinkMode, WamNode};
 use yarp_devices::kinematics::{EulerXyz, Joints, Pose};
 use yarp_devices::wam::{SimulatedWam, WamModel};
-use yarp_devices::{Axes, ControlMode, DeviceError, Encoders, Mode, PositionControl};
+use yarp_devices::{
+    Axes, AxisIndex, AxisInfo, ControlLimits, ControlMode, Device, DeviceError, EncoderReading,
+    Encoders, JointType, Mode, PositionControl, PositionDirect,
+};
 
 /// rad
 const START: [f64; 7] = [0.2, 0.8, 0.0, 1.6, 0.0, 0.3, 0.0];
@@ -26,7 +30,6 @@ fn start_at(arm: &SimulatedWam, joints: [f64; 7]) {
     let degrees = joints.map(f64::to_degrees);
     arm.set_control_modes(Axes::All, &[Mode::PositionDirect; 7])
         .unwrap();
-    use yarp_devices::PositionDirect as _;
     arm.set_direct_positions(Axes::All, &degrees).unwrap();
     eventually("the start", || (place(arm, 1) - degrees[1]).abs() < 1e-6);
     arm.set_control_modes(Axes::All, &[Mode::Position; 7])
@@ -76,17 +79,23 @@ fn the_tool_goes_straight_and_the_arm_holds_in_position_mode_at_the_end() {
     assert_eq!(driver.link().last_interruption, None);
 }
 
-#[test]
-fn a_newer_joint_move_takes_the_arm_off_its_line() {
+/// An arm on its way along a line.
+fn on_a_line() -> (Arc<SimulatedWam>, EmbeddedWam, WamNode) {
     let arm = ideal_arm();
     start_at(&arm, START);
-    let (driver, _node) = connected(&arm, false);
+    let (driver, node) = connected(&arm, false);
     let mut target = WamModel::<7>::new().chain.forward(&joints(&arm));
     target.translation.y -= 0.3;
     driver.move_to(wire(&target)).unwrap();
     eventually("the line", || {
         arm.control_modes(Axes::All).unwrap() == [Mode::PositionDirect; 7]
     });
+    (arm, driver, node)
+}
+
+#[test]
+fn a_newer_joint_move_takes_the_arm_off_its_line() {
+    let (arm, driver, _node) = on_a_line();
     driver.position_move(Axes::One(6.into()), &[20.0]).unwrap();
     at_rest(&driver);
     assert!((place(arm.as_ref(), 6) - 20.0).abs() < 1e-6);
@@ -95,15 +104,7 @@ fn a_newer_joint_move_takes_the_arm_off_its_line() {
 
 #[test]
 fn a_line_ends_when_a_joint_is_taken_and_the_client_is_told() {
-    let arm = ideal_arm();
-    start_at(&arm, START);
-    let (driver, _node) = connected(&arm, false);
-    let mut target = WamModel::<7>::new().chain.forward(&joints(&arm));
-    target.translation.y -= 0.3;
-    driver.move_to(wire(&target)).unwrap();
-    eventually("the line", || {
-        arm.control_modes(Axes::All).unwrap() == [Mode::PositionDirect; 7]
-    });
+    let (arm, driver, _node) = on_a_line();
     arm.set_control_modes(Axes::One(3.into()), &[Mode::Velocity])
         .unwrap();
     eventually("the end", || driver.link().last_interruption.is_some());
@@ -135,4 +136,118 @@ fn another_posture_needs_permission() {
     let end = WamModel::<7>::new().chain.forward(&joints(&arm));
     let missed = end.translation.vector - nalgebra::Vector3::from(target.place);
     assert!(missed.norm() < 1e-4, "{missed}");
+}
+
+/// An arm that accepts direct positions and stays where it is; counts what the thread of straight lines does.
+struct Stuck {
+    arm: Arc<SimulatedWam>,
+    seen: Mutex<Seen>,
+}
+
+#[derive(Default)]
+struct Seen {
+    /// The last position that was sent, degrees.
+    last: Vec<f64>,
+    /// Periods of the line since then.
+    waited: usize,
+}
+
+impl AxisInfo for Stuck {
+    fn axes(&self) -> usize {
+        7
+    }
+
+    fn axis_name(&self, axis: AxisIndex) -> Result<String, DeviceError> {
+        self.arm.axis_name(axis)
+    }
+
+    fn joint_type(&self, axis: AxisIndex) -> Result<JointType, DeviceError> {
+        self.arm.joint_type(axis)
+    }
+}
+
+impl Encoders for Stuck {
+    fn read_encoders(&self, axes: Axes<'_>, out: &mut [EncoderReading]) -> Result<(), DeviceError> {
+        if thread::current().name() == Some("wam-node-line") {
+            self.seen.lock().unwrap().waited += 1;
+        }
+        self.arm.read_encoders(axes, out)
+    }
+
+    fn set_encoders(&self, axes: Axes<'_>, values: &[f64]) -> Result<(), DeviceError> {
+        Encoders::set_encoders(self.arm.as_ref(), axes, values)
+    }
+}
+
+impl PositionDirect for Stuck {
+    fn set_direct_positions(&self, _: Axes<'_>, positions: &[f64]) -> Result<(), DeviceError> {
+        *self.seen.lock().unwrap() = Seen {
+            last: positions.to_vec(),
+            waited: 0,
+        };
+        Ok(())
+    }
+
+    fn direct_positions(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
+        self.arm.direct_positions(axes)
+    }
+}
+
+impl Device for Stuck {
+    fn axis_info(&self) -> Option<&dyn AxisInfo> {
+        Some(self)
+    }
+
+    fn encoders(&self) -> Option<&dyn Encoders> {
+        Some(self)
+    }
+
+    fn position_direct(&self) -> Option<&dyn PositionDirect> {
+        Some(self)
+    }
+
+    fn position_control(&self) -> Option<&dyn PositionControl> {
+        self.arm.position_control()
+    }
+
+    fn control_mode(&self) -> Option<&dyn ControlMode> {
+        self.arm.control_mode()
+    }
+
+    fn control_limits(&self) -> Option<&dyn ControlLimits> {
+        self.arm.control_limits()
+    }
+}
+
+/// The line waits 15 mm ahead of an arm that does not follow, for 2 s in periods of 10 ms, and ends.
+#[test]
+fn a_line_waits_for_its_arm_and_ends_when_the_arm_does_not_follow() {
+    let arm = ideal_arm();
+    start_at(&arm, START);
+    let stuck = Arc::new(Stuck {
+        arm: Arc::clone(&arm),
+        seen: Mutex::default(),
+    });
+    let driver = EmbeddedWam::start(driver_options(LinkMode::listen_on_loopback())).unwrap();
+    let options = node_options(LinkMode::Connect(driver.addresses()));
+    let _node = WamNode::start(Arc::clone(&stuck) as _, options).unwrap();
+    at_rest(&driver);
+    let chain = WamModel::<7>::new().chain;
+    let from = chain.forward(&joints(&arm));
+    let mut target = from;
+    target.translation.y -= 0.3;
+    driver.move_to(wire(&target)).unwrap();
+    eventually("the end of the line", || {
+        driver.link().last_interruption.is_some()
+    });
+    let told = driver.link().last_interruption.unwrap();
+    assert!(told.contains("expected an arm that follows"), "{told}");
+    let seen = stuck.seen.lock().unwrap();
+    let last = Joints::<7>::from_fn(|joint, _| seen.last[joint].to_radians());
+    let ahead = (chain.forward(&last).translation.vector - from.translation.vector).norm();
+    // At the most a period of 0.1 m/s beyond the limit.
+    assert!((0.015..0.0165).contains(&ahead), "{ahead} m ahead");
+    // The period in which it gives up counts too.
+    assert_eq!(seen.waited, 201);
+    assert_eq!(arm.control_modes(Axes::All).unwrap(), [Mode::Position; 7]);
 }

@@ -309,7 +309,10 @@ fn realtime_tells_positions_while_motors_move() {
     };
     let mut session = hand.realtime(layout).unwrap();
     assert!(hand.finger_positions().is_err(), "the line is taken");
-    let closing = MotorControl { speed: 50, gain: 0 };
+    let closing = MotorControl {
+        speed: 50,
+        ..MotorControl::default()
+    };
     let mut walked = 0;
     eventually("a finger at 20 degrees", || {
         let feedback = session.control(&[closing; 4]).unwrap();
@@ -340,7 +343,10 @@ fn realtime_is_left_also_when_the_session_is_dropped_and_motors_stop() {
         },
     );
     let mut session = hand.realtime(layout.clone()).unwrap();
-    let slow = MotorControl { speed: 1, gain: 0 };
+    let slow = MotorControl {
+        speed: 1,
+        ..MotorControl::default()
+    };
     session.control(&[slow; 4]).unwrap();
     drop(session);
     let stopped = stage.there.travelled();

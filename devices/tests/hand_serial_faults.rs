@@ -97,7 +97,10 @@ fn while_in_realtime() {
         ..MotorLayout::default()
     };
     let layout = Layout::same(MotorSet::FINGERS, told);
-    let slow = [MotorControl { speed: 1, gain: 0 }; 4];
+    let slow = [MotorControl {
+        speed: 1,
+        ..MotorControl::default()
+    }; 4];
     let mut session = hand.realtime(layout.clone()).unwrap();
     session.control(&slow).unwrap();
     stage.there.disconnect_line();

@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 use yarp_devices::hand::gcl::{
-    Control, Feedback, Header, Layout, MotorControl, MotorFeedback, MotorLayout,
+    Control, Feedback, FirmwareVersion, Header, Layout, MotorControl, MotorFeedback, MotorLayout,
 };
 use yarp_devices::kinematics::Joints;
 use yarp_devices::simulation::{SafetyLimits, Simulator, SimulatorOptions};
@@ -250,7 +250,7 @@ fn a_compliant_joint_is_limited_like_its_loop() {
 fn layout(of_each: MotorLayout) -> Layout {
     Layout {
         motors: [Some(of_each), None, None, None],
-        temperature: false,
+        ..Layout::default()
     }
 }
 
@@ -271,6 +271,7 @@ fn realtime_feedback_byte_by_byte() {
         strain: Some(42),
         position: Some(4660),
         change: Some(7),
+        ..MotorFeedback::default()
     };
     let read = full.read_feedback(Header::Control, &bytes);
     assert_eq!(read, Ok(Some(feedback.clone())));
@@ -290,11 +291,12 @@ fn realtime_examples() {
     };
     let three = Layout {
         motors: [Some(finger), Some(finger), Some(finger), None],
-        temperature: false,
+        ..Layout::default()
     };
     let command = MotorControl {
         speed: 100,
         gain: 90,
+        ..MotorControl::default()
     };
     let control: Control = [command, command, command, MotorControl::default()];
     assert_eq!(
@@ -315,6 +317,7 @@ fn realtime_examples() {
     let manual = Layout {
         motors: [Some(finger), Some(finger), None, Some(spread)],
         temperature: true,
+        firmware: FirmwareVersion::V4_3,
     };
     assert_eq!(manual.control_length() + 1, 3);
     // `*` s1 d1 s2 d2 d4 and the temperature: 27.4 °C.

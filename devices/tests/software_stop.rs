@@ -4,25 +4,16 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use yarp_devices::guard::{Guarded, GuardedOptions};
 use yarp_devices::wam::{DynamicWam, SimulatedWam};
 use yarp_devices::{
     Axes, AxisIndex, Device, DeviceError, Mode, SoftwareStop, StopState, VariableValue,
 };
+use yarp_testing::eventually;
 
-/// Longer than anything here takes on a busy machine.
-const TEST_TIMEOUT: Duration = Duration::from_secs(60);
 const ELBOW: Axes<'static> = Axes::One(AxisIndex::new(3));
-
-fn eventually(what: &str, condition: impl Fn() -> bool) {
-    let deadline = Instant::now() + TEST_TIMEOUT;
-    while !condition() {
-        assert!(Instant::now() < deadline, "{what} did not come");
-        thread::sleep(Duration::from_millis(2));
-    }
-}
 
 /// No guard but the stop.
 fn unlimited(device: Arc<dyn Device>) -> Guarded {

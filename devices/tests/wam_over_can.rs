@@ -31,4 +31,5 @@ holds! {
     the_safety_module_stops_a_push_and_says_why
     limits_reach_the_safety_module
     pucks_answer_callers
+    the_software_brake_leaves_the_way_out_to_the_pendant
 }

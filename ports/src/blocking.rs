@@ -55,6 +55,17 @@ pub fn wait<T: Send + 'static>(future: impl Future<Output = T> + Send + 'static)
     }
 }
 
+/// Runs a future on the threads of this module, for ports that outlive the caller's runtime. Dropping the returned future
+/// leaves it running.
+///
+/// Panics as `future` does.
+pub async fn spawn<T: Send + 'static>(future: impl Future<Output = T> + Send + 'static) -> T {
+    match runtime().spawn(future).await {
+        Ok(done) => done,
+        Err(error) => std::panic::resume_unwind(error.into_panic()),
+    }
+}
+
 /// A port whose calls block.
 ///
 /// ```no_run

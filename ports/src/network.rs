@@ -203,6 +203,11 @@ impl Network {
         })
     }
 
+    /// Returns the configuration that the network was created from, if it was.
+    pub fn configuration(&self) -> Option<&Configuration> {
+        self.0.configuration.as_deref()
+    }
+
     /// Returns the key that both ends of a connection must hold; `auth.conf` gives it.
     pub fn key(&self) -> Option<&Key> {
         self.0.key.as_ref()

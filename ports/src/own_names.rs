@@ -25,7 +25,7 @@ pub(crate) static GATE: LazyLock<Gate> = LazyLock::new(|| {
 });
 
 /// Returns the host name of the system; empty if no file states it.
-fn host_name() -> String {
+pub fn host_name() -> String {
     let files = ["/proc/sys/kernel/hostname", "/etc/hostname"];
     let mut texts = files
         .iter()

@@ -11,6 +11,7 @@
 //! * [`analog_sensors`]: sensors of several kinds. [`AnalogSensorsServer`], [`RemoteAnalogSensors`].
 //! * [`analog_sensor`]: one sensor of several channels, of YARP 3.x. [`AnalogSensorServer`], [`RemoteAnalogSensor`].
 //! * [`hand`]: a hand as a whole, with grasps. [`HandServer`], [`RemoteHand`].
+//! * [`network_time`]: the time of a clock on the network, for programs with `YARP_CLOCK`.
 //! * [`software_stop`]: stops a device, whatever else is asked of it. [`StopServer`].
 //! * [`thrift`]: calls of services as 4.0 puts them on the wire.
 //!
@@ -24,6 +25,7 @@ pub mod control_board;
 mod device_ports;
 pub mod frame_grabber;
 pub mod hand;
+pub mod network_time;
 mod open_ports;
 mod page_request;
 mod periodic_thread;

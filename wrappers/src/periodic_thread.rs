@@ -5,9 +5,10 @@ use std::ops::RangeInclusive;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use tokio::sync::oneshot;
+use yarp_devices::clock::TimeSource;
 use yarp_devices::periodic_timer::{MissedCycles, PeriodicTimer};
 
 use crate::OpenError;
@@ -26,7 +27,8 @@ pub(crate) fn check_period(asked: Duration) -> Result<(), OpenError> {
 
 /// A thread that does something every period.
 ///
-/// It is a thread and not a task, so that the period does not depend on the other tasks of the program.
+/// It is a thread and not a task, so that the period does not depend on the other tasks of the program. The period is one of
+/// the process's time source.
 #[derive(Debug)]
 pub(crate) struct PeriodicThread {
     ending: Arc<AtomicBool>,
@@ -75,7 +77,7 @@ impl PeriodicThread {
 /// Calls `work` at once and every `period` from then on, until stopped.
 fn every(period: Duration, ending: &AtomicBool, mut work: impl FnMut()) {
     let is_ending = || ending.load(Ordering::Acquire);
-    let mut timer = PeriodicTimer::new(Instant::now(), period, MissedCycles::Skip);
+    let mut timer = PeriodicTimer::on(TimeSource::current(), period, MissedCycles::Skip);
     while !is_ending() {
         work();
         timer.wait(is_ending);
@@ -84,6 +86,8 @@ fn every(period: Duration, ending: &AtomicBool, mut work: impl FnMut()) {
 
 #[cfg(test)]
 mod tests {
+    use std::time::Instant;
+
     use super::*;
 
     #[test]

@@ -61,6 +61,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     args.name.parse::<PortName>().map_err(PortError::from)?;
     let mut interrupt = Interrupt::listen();
     let network = args.bind.apply(network_access::network()?);
+    network_access::follow_clock(&network, &mut interrupt).await?;
     let scene = match args.src {
         Some(path) => Scene::File(path),
         None => Scene::Pattern(args.mode),

@@ -99,6 +99,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         return Ok(ExitCode::from(NO_NETWORK));
     }
     let mut interrupt = Interrupt::listen_with(1, Duration::ZERO);
+    network_access::follow_clock(&network, &mut interrupt).await?;
     let parks = !settings.has("nopark");
     let origin = settings.origin("device").cloned();
     let parameters = Parameters::new(&device, settings, origin.unwrap_or(Origin::CommandLine));

@@ -4,6 +4,7 @@ use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use yarp_devices::hand::gcl::FirmwareVersion;
 use yarp_devices::hand::simulated::{SimulatedHand, SimulatedHandOptions};
 
 use crate::error::Result;
@@ -22,6 +23,16 @@ pub(crate) struct Args {
     /// Speed relative to a real hand
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = factor)]
     speed: f64,
+    /// Version of its firmware: 4.3 or 4.4
+    #[arg(long, value_name = "VERSION", default_value = "4.4", value_parser = version)]
+    firmware: FirmwareVersion,
+}
+
+fn version(word: &str) -> std::result::Result<FirmwareVersion, String> {
+    [FirmwareVersion::V4_3, FirmwareVersion::V4_4]
+        .into_iter()
+        .find(|version| version.to_string() == word)
+        .ok_or_else(|| "expected 4.3 or 4.4".to_owned())
 }
 
 fn factor(word: &str) -> std::result::Result<f64, String> {
@@ -33,7 +44,9 @@ fn factor(word: &str) -> std::result::Result<f64, String> {
 
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let mut interrupt = Interrupt::listen();
-    let mut options = SimulatedHandOptions::new().speed(args.speed);
+    let mut options = SimulatedHandOptions::new()
+        .speed(args.speed)
+        .version(args.firmware);
     if let Some(link) = args.link {
         options = options.link(link);
     }

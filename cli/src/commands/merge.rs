@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use tokio::sync::Notify;
-use yarp_devices::clock::wall_clock;
+use yarp_devices::clock;
 use yarp_ports::{Answer, Network, Port, PortOptions, Received};
 use yarp_wire::{Bottle, Stamp};
 
@@ -72,6 +72,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     );
     let network = network_access::network()?;
     let mut interrupt = Interrupt::listen();
+    network_access::follow_clock(&network, &mut interrupt).await?;
     let newest = Arc::new(LatestInputs::default());
     let names = (0..sources.len()).map(|place| format!("{worker}{place}"));
     let mut ports = open(&network, names, &newest).await?;
@@ -139,7 +140,7 @@ async fn pass_on(newest: &LatestInputs, writer: &Port, interrupt: &mut Interrupt
             () = interrupt.interrupted() => return,
             () = newest.changed.notified() => {}
         }
-        stamp = stamp.next(wall_clock());
+        stamp = stamp.next(clock::now());
         let bottles = newest.bottles().clone();
         let all: Bottle = bottles.iter().flat_map(|one| one.iter().cloned()).collect();
         writer.try_write(&all, Some(stamp.into()), MAX_BACKLOG);

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
+use yarp_devices::clock::TimeSource;
 use yarp_view::{Recorder, Replay};
 
 use crate::error::Result;
@@ -63,6 +64,7 @@ fn speed(word: &str) -> std::result::Result<f64, &'static str> {
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let mut interrupt = Interrupt::listen();
     let network = network_access::network()?;
+    network_access::follow_clock(&network, &mut interrupt).await?;
     let recorder = Recorder::start(&network, &args.name, &args.out).await?;
     for port in &args.ports {
         if let Err(error) = recorder.connect(port).await {
@@ -77,16 +79,17 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         args.out.display()
     )?;
     out.flush()?;
+    let source = TimeSource::current();
     let end = args
         .seconds
-        .map(|seconds| tokio::time::Instant::now() + Duration::from_secs(seconds.into()));
+        .map(|seconds| source.instant() + Duration::from_secs(seconds.into()));
     loop {
         tokio::select! {
             biased;
             () = interrupt.interrupted() => break,
             () = tokio::time::sleep(CHECK_INTERVAL) => {}
         }
-        let is_over = end.is_some_and(|end| tokio::time::Instant::now() >= end);
+        let is_over = end.is_some_and(|end| source.instant() >= end);
         if is_over || recorder.has_failed() {
             break;
         }

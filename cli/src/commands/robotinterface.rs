@@ -88,6 +88,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         return Ok(ExitCode::FAILURE);
     }
     let mut interrupt = Interrupt::listen_with(MAX_SIGNALS, Duration::ZERO);
+    network_access::follow_clock(&network, &mut interrupt).await?;
     let (sender, told) = watch::channel(false);
     let progress = Progress::default();
     let name = format!("{}/yarprobotinterface", robot.port_root());

@@ -2,11 +2,12 @@
 
 use std::io::Write;
 use std::process::ExitCode;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-use tokio::time::{Instant, sleep_until, timeout_at};
+use yarp_devices::clock::TimeSource;
 use yarp_ports::{Port, PortError, PortOptions, Queue, Received};
 use yarp_wire::Bottle;
+use yarp_wrappers::network_time::sleep_until;
 
 use super::argument_words::Options;
 use crate::error::Result;
@@ -53,6 +54,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     };
     let network = network_access::network()?;
     let mut interrupt = Interrupt::listen();
+    network_access::follow_clock(&network, &mut interrupt).await?;
     let reading = PortOptions::new().queue(Queue::Latest);
     let Some(port) = network_access::open(&network, &output, reading).await? else {
         complain(out, "Failed to open output port")?;
@@ -111,6 +113,7 @@ struct Sampler {
     period: Option<Duration>,
     /// Time of the last tick; `None` before the first message.
     last: Option<Instant>,
+    source: TimeSource,
 }
 
 impl Sampler {
@@ -124,6 +127,7 @@ impl Sampler {
         Self {
             period: period.map(|period| period.min(network_access::FOREVER)),
             last: None,
+            source: TimeSource::current(),
         }
     }
 
@@ -132,18 +136,23 @@ impl Sampler {
         let Some(period) = self.period else {
             return port.read().await.map(Some);
         };
-        let due = self.last.unwrap_or_else(Instant::now) + period;
-        let came = timeout_at(due, port.read()).await.ok().transpose()?;
+        let source = &self.source;
+        let due = self.last.unwrap_or_else(|| source.instant()) + period;
+        let came = tokio::select! {
+            biased;
+            came = port.read() => Some(came?),
+            () = sleep_until(source, due) => None,
+        };
         let Some(message) = came else {
             // Before the first message there is no tick.
             self.last = self.last.map(|_| due);
             return Ok(None);
         };
         if self.last.is_none() {
-            self.last = Some(Instant::now());
+            self.last = Some(source.instant());
             return Ok(Some(message));
         }
-        sleep_until(due).await;
+        sleep_until(source, due).await;
         self.last = Some(due);
         Ok(Some(port.try_read().unwrap_or(message)))
     }

@@ -2,18 +2,22 @@
 
 use std::io::Write;
 use std::process::ExitCode;
-use std::time::{Duration, SystemTime};
+use std::time::Duration;
+
+use yarp_devices::clock::TimeSource;
 
 use super::argument_words::take_flag;
 use crate::error::Result;
+use crate::network_access;
+use crate::signals::Interrupt;
 
 /// Interval between two lines.
 const PRINT_INTERVAL: Duration = Duration::from_millis(100);
 
 /// show the time
 ///
-/// Prints the seconds since 1970 ten times a second, until a signal ends it. It is the time of this
-/// machine.
+/// Prints the time ten times a second, until a signal ends it: the seconds since 1970 of this
+/// machine, or with YARP_CLOCK the time of that clock.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// `--ros`: seconds and nanoseconds separately
@@ -28,14 +32,29 @@ pub(crate) struct Args {
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let mut words = args.words;
     let apart = take_flag(&mut words, "--ros");
+    let mut interrupt = None;
+    if network_access::names_clock() {
+        let interrupt = interrupt.insert(Interrupt::listen());
+        network_access::follow_clock(&network_access::network()?, interrupt).await?;
+    }
+    let source = TimeSource::current();
     loop {
-        let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
-        let now = now.unwrap_or_default();
+        // Before 1970 there is no time.
+        let now = Duration::try_from_secs_f64(source.now()).unwrap_or_default();
         match apart {
             true => writeln!(out, "{} {}", now.as_secs(), now.subsec_nanos())?,
             false => writeln!(out, "{:.6}", now.as_secs_f64())?,
         }
         out.flush()?;
-        tokio::time::sleep(PRINT_INTERVAL).await;
+        // In real time: a clock that stands still is shown, too.
+        let pause = tokio::time::sleep(PRINT_INTERVAL);
+        match &mut interrupt {
+            None => pause.await,
+            Some(interrupt) => tokio::select! {
+                biased;
+                () = interrupt.interrupted() => return Ok(ExitCode::SUCCESS),
+                () = pause => {}
+            },
+        }
     }
 }

@@ -4,9 +4,10 @@ use std::io::Write;
 use std::process::ExitCode;
 use std::time::Duration;
 
-use tokio::time::{Instant, interval, sleep_until};
+use yarp_devices::clock::TimeSource;
 use yarp_ports::PortOptions;
 use yarp_wire::{Bottle, Value};
+use yarp_wrappers::network_time;
 
 use super::argument_words::Options;
 use crate::error::Result;
@@ -83,25 +84,33 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     }
     let network = network_access::network()?;
     let mut interrupt = Interrupt::listen();
+    network_access::follow_clock(&network, &mut interrupt).await?;
     let Some(port) = network_access::open(&network, name, PortOptions::new()).await? else {
         complain(out, &format!("Failed to open port: {name}"))?;
         complain(out, "Failed to start the main thread")?;
         return Ok(ExitCode::SUCCESS);
     };
     let message: Bottle = std::iter::once(Value::from("0".repeat(traffic.bytes()))).collect();
-    let end = Instant::now() + seconds(traffic.duration);
-    let mut ticks = interval(seconds(traffic.period).max(MIN_SLEEP));
+    let source = TimeSource::current();
+    let mut next = source.instant();
+    let end = next + seconds(traffic.duration);
+    let period = seconds(traffic.period).max(MIN_SLEEP);
     let sending = async {
         crate::systemd_notify::notify_ready();
         loop {
-            ticks.tick().await;
+            network_time::sleep_until(&source, next).await;
+            next += period;
+            if source.is_network() {
+                // One step of a clock may pass any number of deadlines.
+                next = next.max(source.instant());
+            }
             port.write(&message).await;
         }
     };
     tokio::select! {
         biased;
         () = interrupt.interrupted() => {}
-        () = sleep_until(end) => {}
+        () = network_time::sleep_until(&source, end) => {}
         () = sending => {}
     }
     port.close().await;

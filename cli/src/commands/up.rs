@@ -111,8 +111,13 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let configuration = args.configuration.configuration(&arm)?;
     let mut interrupt = Interrupt::listen();
     // The first line is the address of the view.
-    let held = stock_log::hold_back();
+    // A wait for a clock is reported at once.
+    let held = (!network_access::names_clock()).then(stock_log::hold_back);
     let base = NameServerAccess::find(args.bind).await?;
+    if let Err(failure) = network_access::follow_clock(&base.network, &mut interrupt).await {
+        base.close().await;
+        return Err(failure);
+    }
     let options = ViewOptions::new(&args.name);
     let (view, missing) = match args.view.open(&base.network, options).await {
         Ok(view) => (view, None),

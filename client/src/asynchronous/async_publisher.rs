@@ -5,6 +5,7 @@ use std::marker::PhantomData;
 use yarp_ports::{Network, Port, PortOptions};
 use yarp_wire::Stamp;
 use yarp_wire::message::WireObject;
+use yarp_wrappers::network_time;
 
 use crate::{MAX_BACKLOG, Result};
 
@@ -36,6 +37,7 @@ impl<T: WireObject> Publisher<T> {
 
     /// Opens a port on the given network.
     pub async fn open_on(network: &Network, name: &str) -> Result<Self> {
+        network_time::follow(network).await?;
         Ok(Self {
             port: Port::open(network, name, PortOptions::new()).await?,
             message: PhantomData,

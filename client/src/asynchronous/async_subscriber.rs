@@ -11,6 +11,7 @@ use yarp_ports::{
     Network, Port, PortError, PortOptions, Queue, Received as RawReceived, remote_admin,
 };
 use yarp_wire::message::ReadObject;
+use yarp_wrappers::network_time;
 
 use crate::{Received, Result};
 
@@ -43,6 +44,7 @@ impl<T: ReadObject> Subscriber<T> {
 
     /// Opens a port on the given network with a queue of the given kind.
     pub async fn open_on(network: &Network, name: &str, queue: Queue) -> Result<Self> {
+        network_time::follow(network).await?;
         let options = PortOptions::new().queue(queue).input_only();
         Ok(Self {
             port: Arc::new(Port::open(network, name, options).await?),

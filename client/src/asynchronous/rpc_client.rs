@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use yarp_ports::{Network, Port, PortOptions};
 use yarp_wire::message::{ReadObject, WireObject};
+use yarp_wrappers::network_time;
 
 use crate::{RPC_TIMEOUT, Result};
 
@@ -31,6 +32,7 @@ impl RpcClient {
 
     /// Opens a port of the given name on the given network, and connects it to the server.
     pub async fn connect_on(network: &Network, name: &str, to: &str) -> Result<Self> {
+        network_time::follow(network).await?;
         let port = Port::open(network, name, PortOptions::new().rpc_client()).await?;
         if let Err(error) = port.connect(to).await {
             port.close().await;

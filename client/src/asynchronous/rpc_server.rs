@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use yarp_ports::{Answer, Network, Port, PortOptions};
 use yarp_wire::bottle;
+use yarp_wrappers::network_time;
 
 use crate::Result;
 use crate::message_bounds::{Reply, Request};
@@ -56,6 +57,7 @@ impl RpcServer {
         R: Reply,
         F: Future<Output = R> + Send + 'static,
     {
+        network_time::follow(network).await?;
         let handler = Arc::new(handler);
         let options =
             PortOptions::new()

@@ -1,9 +1,12 @@
 //! Requests to stop a module.
 
+use std::pin::pin;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::task::{Context, Poll, Wake, Waker};
 use std::time::{Duration, Instant};
 
 use tokio::signal::unix::{Signal, SignalKind, signal};
+use yarp_devices::clock::TimeSource;
 use yarp_ports::blocking;
 
 use crate::{Error, Result};
@@ -33,8 +36,26 @@ impl StopHandle {
         *self.lock()
     }
 
-    /// Waits until the module is asked to stop, at most until `deadline`; returns whether it was.
-    pub(super) fn wait_until(&self, deadline: Instant) -> bool {
+    /// Waits until the module is asked to stop, at most until `deadline` of a time source; returns whether it was.
+    pub(super) fn wait_until(&self, source: &TimeSource, deadline: Instant) -> bool {
+        let Some(wait) = source.network_wait(deadline) else {
+            return self.wait_until_system(deadline);
+        };
+        let mut wait = pin!(wait);
+        let waker = Waker::from(Arc::clone(&self.0));
+        loop {
+            // A tick in between is noticed: it takes the lock to notify.
+            let stopped = self.lock();
+            let reached = wait.as_mut().poll(&mut Context::from_waker(&waker));
+            if *stopped || reached == Poll::Ready(()) {
+                return *stopped;
+            }
+            let waited = self.0.changed.wait(stopped);
+            drop(waited.unwrap_or_else(PoisonError::into_inner));
+        }
+    }
+
+    fn wait_until_system(&self, deadline: Instant) -> bool {
         let mut stopped = self.lock();
         loop {
             let left = deadline.saturating_duration_since(Instant::now());
@@ -75,6 +96,13 @@ impl StopHandle {
             });
             Ok(())
         })
+    }
+}
+
+impl Wake for State {
+    fn wake(self: Arc<Self>) {
+        let _stopped = self.stopped.lock().unwrap_or_else(PoisonError::into_inner);
+        self.changed.notify_all();
     }
 }
 

@@ -1,8 +1,8 @@
 //! The life of a module.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Instant;
 
+use yarp_devices::clock::TimeSource;
 use yarp_ports::Network;
 use yarp_wire::{Bottle, Value, Vocab32, bottle};
 
@@ -62,10 +62,11 @@ fn open_rpc<M: Module>(
     )
 }
 
-/// Updates the module every period until it stops.
+/// Updates the module every period, of the clock that the process follows, until it stops.
 fn update<M: Module>(module: &Mutex<M>, stop: &StopHandle) -> Result<()> {
-    let mut next = Instant::now();
-    while !stop.wait_until(next) {
+    let source = TimeSource::current();
+    let mut next = source.instant();
+    while !stop.wait_until(&source, next) {
         let (flow, period) = {
             let mut module = lock(module);
             (module.update()?, module.period())
@@ -74,7 +75,7 @@ fn update<M: Module>(module: &Mutex<M>, stop: &StopHandle) -> Result<()> {
             stop.stop();
         }
         // A late update does not make the following ones come faster.
-        next = (next + period).max(Instant::now());
+        next = (next + period).max(source.instant());
     }
     Ok(())
 }

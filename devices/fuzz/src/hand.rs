@@ -70,6 +70,7 @@ pub fn block(data: &[u8]) {
         strain: bit(3),
         position: bit(4),
         change: bit(5).then_some(1),
+        ..MotorLayout::default()
     };
     let motors = if bit(6) {
         MotorSet::ALL

@@ -3,13 +3,13 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use super::camera_images::ImageSource;
 use super::feature_settings::{FeatureSettings, FeatureState};
 use super::simulated_firewire::{self, BusState};
 use super::{CameraOptions, LatestValue};
-use crate::clock::wall_clock;
+use crate::clock::{self, TimeSource};
 use crate::image::{Frame, MAX_IMAGE_SIDE, PixelFormat};
 use crate::{
     Bus, CameraConfiguration, CameraDescription, Device, DeviceError, Feature, FeatureMode,
@@ -222,7 +222,7 @@ impl Grabber {
         let frame = Frame {
             image: state.settings.applied(picture)?,
             number: self.taken,
-            time: wall_clock(),
+            time: clock::now(),
         };
         if self.shared.frames.put(frame) {
             self.taken += 1;
@@ -233,12 +233,13 @@ impl Grabber {
     /// Takes images until stopped. Images that a pause of the machine made impossible are left out.
     fn run(&mut self) {
         let shared = Arc::clone(&self.shared);
+        let source = TimeSource::current();
         let period = || Duration::from_secs_f64(1.0 / shared.state().rate);
-        let mut due = Instant::now() + period();
+        let mut due = source.instant() + period();
         while !self.shared.ending.load(Ordering::Acquire) {
-            let now = Instant::now();
+            let now = source.instant();
             if now < due {
-                thread::park_timeout(due - now);
+                source.park_until(due);
                 continue;
             }
             due = (due + period()).max(now);

@@ -12,7 +12,7 @@ use nalgebra::Vector3;
 use super::arm_adapter::ArmAdapter;
 use super::cartesian_settings::{Reach, Settings};
 use super::tool_motion::{Followed, Motion, PEAK_TO_MEAN_SPEED, Progress};
-use crate::clock::wall_clock;
+use crate::clock;
 use crate::kinematics::{Chain, Joints, Pose, Task};
 use crate::periodic_timer::{MissedCycles, PeriodicTimer};
 use crate::{CartesianEvent, CartesianInfo, Device, DeviceError};
@@ -195,7 +195,7 @@ impl<const N: usize> Drop for CartesianController<N> {
         if let Err(error) = self.shared.stop() {
             tracing::warn!(%error, "the arm was not stopped; it goes where it was sent last");
         }
-        let time = wall_clock();
+        let time = clock::now();
         self.shared.lock().tell(CartesianEvent::Closing { time });
     }
 }
@@ -406,7 +406,7 @@ impl<const N: usize> State<N> {
     }
 
     fn announce(&mut self, progress: Progress) {
-        let time = wall_clock();
+        let time = clock::now();
         if progress.onset {
             self.tell(CartesianEvent::Onset { time });
         }
@@ -436,7 +436,7 @@ impl<const N: usize> State<N> {
     fn end(&mut self) -> Option<Motion<N>> {
         let ended = self.motion.take().filter(|motion| !motion.holds());
         if ended.is_some() {
-            let time = wall_clock();
+            let time = clock::now();
             self.tell(CartesianEvent::Done { time });
         }
         ended

@@ -353,10 +353,100 @@ fn either<const N: usize>(found: Result<Solution<N>, Solution<N>>) -> Solution<N
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pseudo_random::Random;
     use crate::wam::WamModel;
 
     fn bent() -> Joints<7> {
         Joints::<7>::from_column_slice(&[0.3, 0.6, 0.1, 1.2, -0.2, 0.4, 0.5])
+    }
+
+    /// Returns the largest change of a joint between two places of a line of 5 mm apart, rad, if the solver follows it.
+    fn largest_jump(
+        settings: &Settings<7>,
+        chain: &Chain<7>,
+        start: &Joints<7>,
+        way: nalgebra::Vector3<f64>,
+    ) -> Option<f64> {
+        let from = chain.forward(start);
+        let places = (way.norm() / 0.005).ceil() as usize;
+        let (mut before, mut largest) = (*start, 0.0_f64);
+        for place in 1..=places {
+            let mut pose = from;
+            pose.translation.vector += way * (place as f64 / places as f64);
+            let (now, gets_there) = settings.step(chain, &pose, Task::Pose, &before);
+            if !gets_there || (now - start).abs().max() > 2.5 {
+                return None;
+            }
+            largest = largest.max((now - before).abs().max());
+            before = now;
+        }
+        Some(largest)
+    }
+
+    /// Past a singular pose the joints nearest to those before may be in another posture. A way of 0.3 m may turn joints by
+    /// 3 rad in all, yet never by more than 0.25 rad between two places.
+    #[test]
+    fn a_jump_between_two_places_of_a_line_blocks_it() {
+        let arm = WamModel::<7>::new().chain;
+        let settings = Settings::new(*arm.limits());
+        let fast = Joints::<7>::repeat(100.0);
+        let mut random = Random::new(7);
+        let (mut small, mut large) = (0, 0);
+        for _ in 0..3000 {
+            let start = Joints::<7>::from_fn(|joint, _| {
+                let limits = arm.limits()[joint];
+                random.between(limits.min, limits.max)
+            });
+
+            let way =
+                nalgebra::Vector3::from_fn(|_, _| random.between(-0.5, 0.5)).normalize() * 0.3;
+            let chain = settings.chain(&arm, &start);
+            let Some(jump) = largest_jump(&settings, &chain, &start, way) else {
+                continue;
+            };
+            let mut target = chain.forward(&start);
+            target.translation.vector += way;
+            let followed = settings.follow_task(&chain, &target, Task::Pose, &start, &fast);
+            match jump {
+                _ if jump > 0.251 => {
+                    large += 1;
+                    let blocked = matches!(followed, Err(WayError::Blocked { .. }));
+                    assert!(blocked, "{jump} rad at once from {start}");
+                }
+                _ if jump > 0.2 && jump < 0.249 => {
+                    small += 1;
+                    assert!(followed.is_ok(), "{jump} rad from {start}: {followed:?}");
+                }
+                _ => {}
+            }
+            if small > 0 && large > 0 {
+                return;
+            }
+        }
+        panic!("{small} lines just below the limit and {large} beyond it in the sample");
+    }
+
+    /// The joint positions of a step alone are kept, to be followed exactly.
+    #[test]
+    fn a_step_is_no_longer_than_5_cm_and_turns_no_farther_than_a_quarter_radian() {
+        let arm = WamModel::<7>::new().chain;
+        let settings = Settings::new(*arm.limits());
+        let chain = settings.chain(&arm, &bent());
+        let fast = Joints::<7>::repeat(100.0);
+        for (distance, angle, is_step) in [
+            (0.05, 0.0, true),
+            (0.0501, 0.0, false),
+            (0.0, 0.249, true),
+            (0.0, 0.251, false),
+        ] {
+            let mut target = chain.forward(&bent());
+            target.translation.vector.z -= distance;
+            let turn = nalgebra::Vector3::x() * angle;
+            target.rotation = Rotation3::new(turn) * target.rotation;
+            let way = settings.follow(&chain, &target, Task::Pose, &bent(), &fast);
+            let way = way.expect("the arm is bent");
+            assert_eq!(way.places.is_some(), is_step, "{distance} m, {angle} rad");
+        }
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use crate::clock::wall_clock;
+use crate::clock::{self, TimeSource};
 use crate::{Battery, BatteryReading, BatteryStatus, Device, DeviceError};
 
 /// Charge below which the battery is low, percent.
@@ -48,7 +48,7 @@ impl SimulatedBattery {
             capacity,
             state: Mutex::new(State {
                 charge: 100.0,
-                since: Instant::now(),
+                since: TimeSource::current().instant(),
                 current,
             }),
         }
@@ -58,7 +58,7 @@ impl SimulatedBattery {
     pub fn set(&self, charge: f64, current: f64) {
         *self.state() = State {
             charge: charge.clamp(0.0, 100.0),
-            since: Instant::now(),
+            since: TimeSource::current().instant(),
             current,
         };
     }
@@ -77,7 +77,7 @@ impl SimulatedBattery {
             charge,
             temperature: TEMPERATURE,
             status: status(charge, current),
-            time: wall_clock(),
+            time: clock::now(),
         }
     }
 
@@ -98,7 +98,8 @@ fn status(charge: f64, current: f64) -> BatteryStatus {
 
 impl Battery for SimulatedBattery {
     fn battery_reading(&self) -> Result<BatteryReading, DeviceError> {
-        let elapsed = self.state().since.elapsed();
+        let now = TimeSource::current().instant();
+        let elapsed = now.saturating_duration_since(self.state().since);
         Ok(self.reading_after(elapsed))
     }
 

@@ -68,7 +68,7 @@ impl Device for Guarded {
     }
 
     fn motor_encoders(&self) -> Option<&dyn MotorEncoders> {
-        self.device().motor_encoders()
+        self.device().motor_encoders().map(|_| self as _)
     }
 
     fn motor(&self) -> Option<&dyn Motor> {
@@ -76,7 +76,7 @@ impl Device for Guarded {
     }
 
     fn amplifier_control(&self) -> Option<&dyn AmplifierControl> {
-        self.device().amplifier_control()
+        self.device().amplifier_control().map(|_| self as _)
     }
 
     fn control_calibration(&self) -> Option<&dyn ControlCalibration> {
@@ -96,7 +96,7 @@ impl Device for Guarded {
     }
 
     fn joint_brake(&self) -> Option<&dyn JointBrake> {
-        self.device().joint_brake()
+        self.device().joint_brake().map(|_| self as _)
     }
 
     fn software_stop(&self) -> Option<&dyn SoftwareStop> {
@@ -108,11 +108,11 @@ impl Device for Guarded {
     }
 
     fn hand(&self) -> Option<&dyn Hand> {
-        self.device().hand()
+        self.device().hand().map(|_| self as _)
     }
 
     fn grasp(&self) -> Option<&dyn Grasp> {
-        self.device().grasp()
+        self.device().grasp().map(|_| self as _)
     }
 }
 

@@ -16,6 +16,7 @@ mod effort_interfaces;
 mod guarded_device;
 mod guarded_interfaces;
 mod joint_limits;
+mod machine_interfaces;
 mod rate_limits;
 mod stop_switch;
 mod streaming_interfaces;

@@ -103,7 +103,7 @@ impl SoftwareStop for Guarded {
             self.watch.stop.set(StopState::Stopped);
         }
         self.watch.wake();
-        let stopped = stop_joints(self.device());
+        let stopped = self.watch.stop_all();
         self.watch.end_streams(Axes::All, self.total());
         warn!("the software stop is engaged");
         stopped

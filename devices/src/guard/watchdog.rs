@@ -1,5 +1,6 @@
 //! The thread that monitors moving joints.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -21,6 +22,8 @@ pub(super) struct Watchdog {
     settings: WatchSettings,
     /// The software stop, enforced by the thread as long as it is engaged.
     pub(super) stop: StopSwitch,
+    /// Number of commands in progress that move a hand as a whole.
+    hand_motions: AtomicUsize,
     state: Mutex<State>,
     woken: Condvar,
 }
@@ -43,6 +46,15 @@ struct State {
     ending: bool,
 }
 
+/// A command in progress that moves a hand as a whole.
+pub(super) struct HandMotion<'w>(&'w AtomicUsize);
+
+impl Drop for HandMotion<'_> {
+    fn drop(&mut self) {
+        self.0.fetch_sub(1, Ordering::SeqCst);
+    }
+}
+
 #[derive(Clone, Copy)]
 struct Stream {
     /// Time of the command.
@@ -59,6 +71,7 @@ impl Watchdog {
             device,
             settings,
             stop: StopSwitch::default(),
+            hand_motions: AtomicUsize::new(0),
             state: Mutex::new(State {
                 streams: vec![None; axes],
                 ending: false,
@@ -150,9 +163,24 @@ impl Watchdog {
         }
     }
 
+    /// Counts a command that moves a hand as a whole, until the result is dropped.
+    pub(super) fn begin_hand_motion(&self) -> HandMotion<'_> {
+        self.hand_motions.fetch_add(1, Ordering::SeqCst);
+        HandMotion(&self.hand_motions)
+    }
+
+    /// Ends motions of a hand as a whole, and brings the joints to rest; returns the first error.
+    pub(super) fn stop_all(&self) -> Result<(), DeviceError> {
+        let aborted = match self.device.hand() {
+            Some(hand) if self.hand_motions.load(Ordering::SeqCst) > 0 => hand.abort(),
+            _ => Ok(()),
+        };
+        aborted.and(stop_joints(self.device.as_ref()))
+    }
+
     /// A command that came at the same time as the stop may have got past it.
     fn enforce_stop(&self, failing: &mut bool) {
-        let stopped = stop_joints(self.device.as_ref());
+        let stopped = self.stop_all();
         if let Err(error) = &stopped
             && !*failing
         {

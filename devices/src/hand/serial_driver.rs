@@ -16,7 +16,9 @@ use std::time::{Duration, Instant};
 
 use tracing::{debug, info, warn};
 
-use super::gcl::{ABORT, Command, Layout, PROMPT, Reply, ReplyError, ReplyReader, Verb};
+use super::gcl::{
+    ABORT, Command, FirmwareVersion, Layout, PROMPT, Reply, ReplyError, ReplyReader, Verb,
+};
 use super::gcl_connection::GclConnection;
 use super::hand_error::HandError;
 use super::realtime_session::RealTimeSession;
@@ -122,6 +124,8 @@ pub(super) struct LineState {
     is_synchronised: bool,
     /// True if it may be in RealTime mode, in the middle of a block.
     in_realtime: bool,
+    /// The version that the hand reported since the line was opened.
+    version: Option<FirmwareVersion>,
     /// True if it was aborted since the present caller began to use the line: then nothing more is done for that
     /// caller.
     aborted: bool,
@@ -138,6 +142,7 @@ impl BarrettHand {
                 baud: options.baud,
                 is_synchronised: false,
                 in_realtime: true,
+                version: None,
                 aborted: false,
             }),
             options,
@@ -181,11 +186,38 @@ impl BarrettHand {
         self.connect(&mut line)
     }
 
+    /// Returns the version of the hand's firmware, which is asked for once after the line was opened.
+    ///
+    /// Errors: [`HandError`]; [`HandError::Unreadable`] for a reply without a version.
+    pub fn firmware_version(&self) -> Result<FirmwareVersion, HandError> {
+        let mut line = self.hold("VERS")?;
+        self.version_of(&mut line)
+    }
+
+    fn version_of(&self, line: &mut LineState) -> Result<FirmwareVersion, HandError> {
+        if let Some(known) = line.version {
+            return Ok(known);
+        }
+        let text = Verb::Version.to_string();
+        let reply = self.transact(line, &text)?;
+        let version = FirmwareVersion::parse(&reply.text).ok_or(HandError::Unreadable {
+            command: text,
+            answer: reply.text,
+            expected: "a version, such as 4.40",
+        })?;
+        info!(path = %self.options.path, %version, "firmware of the hand");
+        line.version = Some(version);
+        Ok(version)
+    }
+
     /// Enters RealTime mode, which lasts until the session ends; other commands are refused meanwhile.
     ///
+    /// The blocks are those of the firmware that the hand reports, whatever `layout` says.
+    ///
     /// Errors: [`HandError`]; [`HandError::Status`] if the hand refuses.
-    pub fn realtime(&self, layout: Layout) -> Result<RealTimeSession<'_>, HandError> {
+    pub fn realtime(&self, mut layout: Layout) -> Result<RealTimeSession<'_>, HandError> {
         let mut line = self.hold("LOOP")?;
+        layout.firmware = self.version_of(&mut line)?;
         for command in layout.commands() {
             let text = command.to_string();
             if command.verb != Verb::Loop {
@@ -532,6 +564,7 @@ impl BarrettHand {
         line.is_synchronised = false;
         // A reconnected hand may have lost its power, and with it the baud rate that was set.
         line.baud = self.options.baud;
+        line.version = None;
         self.connected.store(false, Ordering::Release);
         warn!(path = %self.options.path, step, %source, "the line to the hand broke");
         HandError::LineLost { step, source }

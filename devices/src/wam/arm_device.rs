@@ -8,7 +8,7 @@ use tracing::{debug, info};
 
 use super::{AXES, ArmControl};
 use crate::can::puck::PuckProperty;
-use crate::clock::wall_clock;
+use crate::clock;
 use crate::{
     Axes, AxisIndex, AxisInfo, ControlLimits, ControlMode, Device, DeviceError, EncoderReading,
     Encoders, JointType, Limits, MachineBrake, Mode, MotionControl, PositionControl, VariableValue,
@@ -93,7 +93,7 @@ pub(super) struct Timed<A> {
 impl<A> Timed<A> {
     /// Says that the state is of now.
     pub(super) fn stamp(&mut self) {
-        self.time = wall_clock();
+        self.time = clock::now();
     }
 }
 
@@ -119,7 +119,7 @@ impl<A: ControlledArm> ArmDevice<A> {
         let shared = Arc::new(Shared {
             arm: Mutex::new(Timed {
                 arm,
-                time: wall_clock(),
+                time: clock::now(),
             }),
             ending: AtomicBool::new(false),
         });

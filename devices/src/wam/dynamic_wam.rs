@@ -1,12 +1,13 @@
-//! The arm with masses and friction, run in real time.
+//! The arm with masses and friction, run in the time of the process.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use tracing::warn;
 
 use super::arm_device::{ArmDevice, Shared};
 use super::{AXES, DynamicArm, WamModel};
 use crate::DeviceError;
+use crate::clock::TimeSource;
 use crate::kinematics::Joints;
 use crate::periodic_timer::{MissedCycles, PeriodicTimer};
 use crate::simulation::SimulatorOptions;
@@ -14,7 +15,8 @@ use crate::simulation::SimulatorOptions;
 /// A simulated seven-joint WAM arm that behaves like the machine: see [`DynamicArm`].
 ///
 /// * A thread of its own runs the control loop; the n-th period ends n periods after the start, so that it does not
-///   drift. Dropping the arm ends and joins the thread.
+///   drift. Dropping the arm ends and joins the thread. The periods are those of the process's [`TimeSource`]; of a single
+///   step of a clock on the network at most 10 s are made up for.
 /// * Moves end near their targets, not on them: tenths of a degree off, as gains and friction leave it. Where tests or
 ///   demonstrations need exact ends, [`SimulatedWam`](super::SimulatedWam) is the one.
 /// * Encoders cannot be set: they are absolute.
@@ -51,6 +53,17 @@ impl ArmDevice<DynamicArm> {
         Self::start_among(model, options, options.period, |_| None)
     }
 
+    /// Starts an arm that moves in the time of `source`; its readings carry the time of the process.
+    ///
+    /// Errors: [`DeviceError::Start`] when the machine has no thread left.
+    pub fn start_on(
+        source: TimeSource,
+        model: WamModel<AXES>,
+        options: SimulatorOptions,
+    ) -> Result<Self, DeviceError> {
+        Self::spawn_on(source, model, options, options.period, |_| None)
+    }
+
     /// Starts an arm among other bodies.
     ///
     /// * `period`: real time between two control periods; another one than that of `options` makes time pass faster or
@@ -65,19 +78,29 @@ impl ArmDevice<DynamicArm> {
         period: Duration,
         surroundings: impl FnMut(&Joints<AXES>) -> Option<Joints<AXES>> + Send + 'static,
     ) -> Result<Self, DeviceError> {
+        Self::spawn_on(TimeSource::current(), model, options, period, surroundings)
+    }
+
+    fn spawn_on(
+        source: TimeSource,
+        model: WamModel<AXES>,
+        options: SimulatorOptions,
+        period: Duration,
+        surroundings: impl FnMut(&Joints<AXES>) -> Option<Joints<AXES>> + Send + 'static,
+    ) -> Result<Self, DeviceError> {
         let arm = DynamicArm::new(model, options);
+        let timer = PeriodicTimer::on(source, period, MissedCycles::CatchUp);
         Self::spawn(arm, "dynamic-wam", move |shared| {
-            run(shared, period, surroundings);
+            run(shared, timer, surroundings);
         })
     }
 }
 
 fn run(
     shared: &Shared<DynamicArm>,
-    period: Duration,
+    mut timer: PeriodicTimer,
     mut surroundings: impl FnMut(&Joints<AXES>) -> Option<Joints<AXES>>,
 ) {
-    let mut timer = PeriodicTimer::new(Instant::now(), period, MissedCycles::CatchUp);
     let mut fault = None;
     while timer.wait(|| shared.is_ending()) {
         let mut timed = shared.lock();

@@ -6,19 +6,19 @@ use std::time::Instant;
 use tracing::info;
 
 use super::parameters;
-use crate::clock::wall_clock;
+use crate::clock::TimeSource;
 use crate::fake::{AxesModel, AxisParameters};
 use crate::{
     Axes, AxisIndex, AxisInfo, ControlLimits, ControlMode, Device, DeviceError, EncoderReading,
     Encoders, JointType, Limits, Mode, MotionControl, PositionControl, VelocityControl,
 };
 
-/// A simulated seven-joint WAM arm that moves in real time.
+/// A simulated seven-joint WAM arm that moves in the time of the process, or of another [`TimeSource`].
 ///
 /// * It starts at rest in the folded home pose, in position mode, with the limits, speeds and accelerations of
 ///   [`parameters`]. Encoders are exact, and a move ends exactly at its target.
 /// * Each call first advances the [`AxesModel`] by the elapsed time, which is exact for any duration: so an idle arm
-///   takes no processor time. All axes carry the wall-clock time of the call.
+///   takes no processor time. All axes carry the time of the call.
 /// * Calls wait for nothing longer than another call, some microseconds.
 /// * It has all modes but mixed, and refuses others by name. Nothing times out: a velocity or a torque stays in
 ///   force until the next command. Pushed by torque, current or duty cycle an axis is a mass with friction: there is
@@ -39,6 +39,7 @@ use crate::{
 /// ```
 #[derive(Debug)]
 pub struct SimulatedWam {
+    source: TimeSource,
     arm: Mutex<Arm>,
 }
 
@@ -47,7 +48,7 @@ pub(super) struct Arm {
     pub(super) model: AxesModel,
     /// Until when the model has had its time.
     stepped: Instant,
-    /// The same moment, in seconds since the start of 1970.
+    /// The same moment, in seconds of the time source.
     pub(super) time: f64,
 }
 
@@ -59,14 +60,23 @@ impl SimulatedWam {
 
     /// Another machine of simulated axes, which moves as the arm does.
     pub fn with_axes(axes: impl IntoIterator<Item = AxisParameters>) -> Self {
+        Self::with_axes_on(TimeSource::current(), axes)
+    }
+
+    /// Creates a machine of simulated axes that moves in the time of `source`.
+    pub fn with_axes_on(
+        source: TimeSource,
+        axes: impl IntoIterator<Item = AxisParameters>,
+    ) -> Self {
         let model = AxesModel::new(axes);
         info!(axes = model.axes(), "simulated arm started");
         Self {
             arm: Mutex::new(Arm {
                 model,
-                stepped: Instant::now(),
-                time: wall_clock(),
+                stepped: source.instant(),
+                time: source.now(),
             }),
+            source,
         }
     }
 
@@ -74,11 +84,11 @@ impl SimulatedWam {
     pub(super) fn arm(&self) -> MutexGuard<'_, Arm> {
         // The model is whole between any two calls, so a panic elsewhere does not spoil it.
         let mut arm = self.arm.lock().unwrap_or_else(PoisonError::into_inner);
-        let now = Instant::now();
-        let passed = now - arm.stepped;
+        let now = self.source.instant();
+        let passed = now.saturating_duration_since(arm.stepped);
         arm.model.step(passed);
         arm.stepped = now;
-        arm.time = wall_clock();
+        arm.time = self.source.now();
         arm
     }
 }

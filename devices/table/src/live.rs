@@ -6,7 +6,7 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use yarp_devices::camera::LatestValue;
-use yarp_devices::clock::wall_clock;
+use yarp_devices::clock;
 use yarp_devices::hand::simulated::{Load, SimulatedHand, SimulatedHandOptions};
 use yarp_devices::hand::{BarrettHand, HandBoard, HandOptions};
 use yarp_devices::image::{Frame, Image, PixelFormat};
@@ -358,7 +358,7 @@ fn run(shared: &Shared, scene: &Mutex<Scene>, lens: Lens, kind: Kind, period: Du
             continue;
         }
         due = (due + period).max(now);
-        let time = wall_clock();
+        let time = clock::now();
         let scene = lock(scene).clone();
         let pose = *lock(&shared.pose);
         let camera = &Camera { lens, pose };

@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use yarp_devices::guard::{Guarded, GuardedOptions, RateLimits};
 use yarp_devices::hand::{BarrettHand, HandBoard, HandOptions};
 use yarp_devices::{Device, DeviceError, Hand};
 
@@ -24,19 +23,8 @@ pub(super) async fn open(opening: Opening<'_>) -> OpenResult {
         let hand = BarrettHand::open(options).map_err(|error| error.at(&path))?;
         let board = HandBoard::start(hand)?;
         board.initialise()?;
-        guarded(board)
+        Ok(Arc::new(board.guarded()?))
     };
     let board = local_device::start_shared(parameters, start).await?;
     Ok(Box::new(LocalDevice::machine(board)))
-}
-
-/// Puts guards in front of a hand: its limits, and an end of velocities without a new command.
-///
-/// Errors: those of [`Guarded::around`].
-fn guarded(board: HandBoard) -> Result<Arc<dyn Device>, DeviceError> {
-    let options = GuardedOptions {
-        rate_limits: RateLimits::default(),
-        ..GuardedOptions::of_device(&board)?
-    };
-    Ok(Arc::new(Guarded::around(Arc::new(board), options)?))
 }

@@ -21,6 +21,7 @@
 //! | `YARP_NAMESPACE` | the names, instead of `yarp_namespace.conf` |
 //! | `YARP_IP` | the address to register ports with, or how it begins |
 //! | `YARP_BIND` | the IPv4 address that ports listen at; `0.0.0.0` is all ([`Network::listen_address`](crate::Network::listen_address)) |
+//! | `YARP_CLOCK`, `YARP_CLOCK_TIMEOUT` | the port of the clock that programs follow, and the seconds to wait for its first message |
 //! | `YARP_PORT_RANGE` | TCP port of a server to start, and of multicast detection (10000) |
 //! | `YARP_PORT_PREFIX` | what every port name of this process begins with |
 //! | `YARP_RENAME_x`, `YARP_PORTNUMBER_x` | another name, or a fixed TCP port, for port `/x` |
@@ -44,6 +45,7 @@ use std::net::Ipv4Addr;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
 
 pub use auth_conf::parse_key;
 pub use directories::Directories;
@@ -58,6 +60,9 @@ pub use yarp_wire::name_service::DEFAULT_PORT;
 use crate::own_names;
 use crate::roles::{self, Roles};
 use crate::tls::{self, Tls};
+
+/// Longest timeout for the first message of a clock: a month.
+const MAX_CLOCK_TIMEOUT: Duration = Duration::from_secs(30 * 24 * 3600);
 
 /// The content of the files and the environment.
 #[derive(Clone, Debug)]
@@ -271,6 +276,31 @@ impl Configuration {
     /// Returns the address that ports shall listen at: `YARP_BIND`.
     pub fn bind(&self) -> Option<Ipv4Addr> {
         self.bind
+    }
+
+    /// Returns the name of the clock to follow: `YARP_CLOCK`.
+    pub fn clock(&self) -> Option<&str> {
+        self.environment.get("YARP_CLOCK")
+    }
+
+    /// Returns the timeout for the first message of the clock: `YARP_CLOCK_TIMEOUT`, in seconds; `None` without it.
+    ///
+    /// Errors: [`ConfigError::Variable`] unless it is a number of seconds greater than 0.
+    pub fn clock_timeout(&self) -> Result<Option<Duration>, ConfigError> {
+        let variable = "YARP_CLOCK_TIMEOUT";
+        let Some(text) = self.environment.get(variable) else {
+            return Ok(None);
+        };
+        let seconds = text.trim().parse().ok();
+        let timeout = seconds.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+        match timeout.filter(|timeout| !timeout.is_zero()) {
+            Some(timeout) => Ok(Some(timeout.min(MAX_CLOCK_TIMEOUT))),
+            None => Err(ConfigError::Variable {
+                variable: variable.to_owned(),
+                expected: "a number of seconds greater than 0",
+                found: text.to_owned(),
+            }),
+        }
     }
 
     /// Returns the key of `auth.conf`, if there is such a file.

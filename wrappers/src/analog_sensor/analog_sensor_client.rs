@@ -8,7 +8,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use yarp_devices::clock::wall_clock;
+use yarp_devices::clock;
 use yarp_devices::{AnalogSensor, Device, DeviceError, SensorReading, SensorStatus};
 use yarp_ports::{Network, PortOptions, Received, blocking};
 
@@ -116,7 +116,7 @@ fn take(latest: &LatestValue<SensorReading>, received: &Received) {
     };
     latest.store(SensorReading {
         values,
-        time: received.stamp().map_or_else(wall_clock, |stamp| stamp.time),
+        time: received.stamp().map_or_else(clock::now, |stamp| stamp.time),
         status: SensorStatus::Ok,
     });
 }

@@ -4,7 +4,7 @@ use std::io;
 use std::sync::Arc;
 use std::time::Duration;
 
-use yarp_devices::clock::wall_clock;
+use yarp_devices::clock;
 use yarp_devices::{AnalogSensors, Device, SensorKind, SensorStatus};
 use yarp_ports::{Answer, Network, Port, PortOptions, Reader, Received};
 use yarp_wire::{Bottle, Stamp, Value, Vocab32, WireVersion};
@@ -232,7 +232,7 @@ impl Cycle {
         if std::mem::take(&mut self.failing) {
             tracing::info!("{}: all sensors work again", self.name);
         }
-        self.stamp = self.stamp.next(wall_clock());
+        self.stamp = self.stamp.next(clock::now());
         let wants_ten = |reader: &Reader<'_>| {
             reader.wire_version == WireVersion::V3
                 && match self.layout {

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use yarp_devices::clock::wall_clock;
+use yarp_devices::clock;
 use yarp_devices::{Battery, BatteryReading, Device, DeviceError};
 use yarp_ports::{Network, PortOptions, Received, blocking};
 use yarp_wire::{Bottle, Vocab32};
@@ -44,7 +44,7 @@ impl RemoteBattery {
         ));
         let stored = latest.clone();
         let take = move |received: &Received| {
-            let time = received.stamp().map_or_else(wall_clock, |stamp| stamp.time);
+            let time = received.stamp().map_or_else(clock::now, |stamp| stamp.time);
             let message = received.bottle().ok();
             match message.and_then(|message| layout.read(&message, time)) {
                 Some(reading) => stored.store(reading),

@@ -111,13 +111,12 @@ impl Drop for StopServer {
 
 fn answer(stop: &dyn SoftwareStop, request: &Bottle) -> Bottle {
     let word = match request.as_slice() {
-        [word] => word.as_vocab().map(|word| word.to_string()),
+        [word] => match word.as_vocab() {
+            Some(word) => Some(word.to_string()),
+            None => word.as_str().map(str::to_owned),
+        },
         _ => None,
     };
-    let word = word.or_else(|| match request.as_slice() {
-        [word] => word.as_str().map(str::to_owned),
-        _ => None,
-    });
     let done = |outcome: Result<(), DeviceError>| match outcome {
         Ok(()) => Bottle::of(Vocab32::OK).with(state(stop)),
         Err(error) => {

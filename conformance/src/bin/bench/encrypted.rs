@@ -1,15 +1,13 @@
 //! Round trips over `tls` beside `tcp`: ports of ours that no name server knows, in processes of their own.
 
 use std::io::Write;
-use std::time::Instant;
 
 use rcgen::{BasicConstraints, CertificateParams, ExtendedKeyUsagePurpose, IsCa, Issuer, KeyPair};
 use yarp_conformance::benchmark_statistics::{median, percentiles};
 use yarp_ports::{Answer, Network, Port, PortOptions, Tls};
-use yarp_wire::Bottle;
 
 use crate::peer_processes::{Bench, Side};
-use crate::peer_programs::{peer, print_times};
+use crate::peer_programs::{peer, timed_calls};
 use crate::{CALLS, Failure, RUNS};
 
 const NAME: &str = "bench";
@@ -98,18 +96,5 @@ async fn call(number: &str, carrier: &str, n: &str) -> Result<(), Failure> {
     let port = Port::open(&network()?, "/caller", options).await?;
     port.connect(&format!("{carrier}://127.0.0.1:{number}/echo"))
         .await?;
-    let request = Bottle::from_iter([1.into(), 2.into()]);
-    let n: usize = n.parse()?;
-    let times = tokio::spawn(async move {
-        let mut times = Vec::with_capacity(n);
-        for _ in 0..n {
-            let begin = Instant::now();
-            let reply: Bottle = port.call(&request).await?;
-            times.push(begin.elapsed());
-            assert_eq!(reply.len(), 2, "an echo");
-        }
-        port.close().await;
-        Ok::<_, yarp_ports::PortError>(times)
-    });
-    print_times(&times.await??)
+    timed_calls(port, n.parse()?).await
 }

@@ -9,7 +9,7 @@ use yarp_ports::{Answer, Network, Port, PortOptions, remote_admin, request_low_t
 use yarp_wire::{Bottle, admin};
 
 use crate::Failure;
-use crate::peer_programs::{peer, print_times, wait_for_count};
+use crate::peer_programs::{peer, print_times, timed_calls, wait_for_count};
 
 /// Readers of a message that goes to several.
 pub(crate) const READERS: u32 = 4;
@@ -37,20 +37,7 @@ async fn call_over(name: &str, carrier: &str, n: &str) -> Result<(), Failure> {
     let options = PortOptions::new().rpc_client();
     let port = Port::open(&Network::from_process()?, "...", options).await?;
     port.connect_over(name, carrier).await?;
-    let request = Bottle::from_iter([1.into(), 2.into()]);
-    let n: usize = n.parse()?;
-    let times = tokio::spawn(async move {
-        let mut times = Vec::with_capacity(n);
-        for _ in 0..n {
-            let begin = Instant::now();
-            let _: Bottle = port.call(&request).await?;
-            times.push(begin.elapsed());
-        }
-        port.close().await;
-        Ok::<_, yarp_ports::PortError>(times)
-    })
-    .await??;
-    print_times(&times)
+    timed_calls(port, n.parse()?).await
 }
 
 /// Measures admin requests, each over a connection of its own.

@@ -113,8 +113,12 @@ async fn call(name: &str, n: &str) -> Result<(), Failure> {
     )
     .await?;
     port.connect(name).await?;
+    timed_calls(port, n.parse()?).await
+}
+
+/// Sends `n` requests over the connection of `port`, checks that they are echoed, prints the times, and closes the port.
+pub(crate) async fn timed_calls(port: Port, n: usize) -> Result<(), Failure> {
     let request = Bottle::from_iter([1.into(), 2.into()]);
-    let n: usize = n.parse()?;
     let times = tokio::spawn(async move {
         let mut times = Vec::with_capacity(n);
         for _ in 0..n {

@@ -10,7 +10,7 @@ use tracing::{debug, info, warn};
 
 use super::driver_state::{Goal, LinkState, Shared};
 use super::pending_requests::PendingRequest;
-use crate::clock::wall_clock;
+use crate::clock;
 use crate::embedded::link_error::{LinkError, LinkErrorKind};
 use crate::embedded::link_setup::{LinkConnector, SocketPair};
 use crate::embedded::protocol::{ARM, PacketReader, Reply, ReplyReader, Request, TRAJECTORY};
@@ -277,7 +277,7 @@ impl<'a> Session<'a> {
             }
             _ => (none.clone(), none),
         };
-        let time = wall_clock();
+        let time = clock::now();
         {
             let mut state = self.shared.lock();
             state.readings.clear();

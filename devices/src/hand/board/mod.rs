@@ -17,12 +17,13 @@ use std::time::{Duration, Instant};
 use tracing::{info, warn};
 
 use self::position_servo::PositionServo;
-use super::gcl::{Feedback, Layout, MotorLayout, MotorSet, Reply, Status};
+use super::gcl::{Feedback, FirmwareVersion, Layout, MotorLayout, MotorSet, Reply, Status};
 use super::gcl_connection::GclConnection;
 use super::hand_error::HandError;
 use super::serial_driver::BarrettHand;
-use crate::clock::wall_clock;
+use crate::clock;
 use crate::fake::{AxesModel, AxisParameters};
+use crate::guard::{Guarded, GuardedOptions, RateLimits};
 use crate::{Axes, DeviceError, JointType, Limits};
 
 /// Number of axes.
@@ -155,6 +156,20 @@ impl HandBoard {
         })
     }
 
+    /// Puts the guards of programs in front of the hand: its limits, the end of velocities without a new command, and the
+    /// software stop, which ends grasps too.
+    ///
+    /// Rates have no guard: the axes themselves keep to their largest speeds.
+    ///
+    /// Errors: those of [`Guarded::around`].
+    pub fn guarded(self) -> Result<Guarded, DeviceError> {
+        let options = GuardedOptions {
+            rate_limits: RateLimits::default(),
+            ..GuardedOptions::of_device(&self)?
+        };
+        Guarded::around(Arc::new(self), options)
+    }
+
     fn state(&self) -> MutexGuard<'_, State> {
         self.shared.state()
     }
@@ -236,7 +251,8 @@ impl Shared {
     /// Stays in RealTime mode until there is something else to do. The reply is sent once the axes accept commands
     /// again, or cannot.
     fn realtime(&self, answer: Option<ReplyOnDrop<'_>>) -> Result<(), HandError> {
-        let mut session = self.hand.realtime(layout())?;
+        let version = self.hand.firmware_version()?;
+        let mut session = self.hand.realtime(layout(version))?;
         let feedback = session.ask()?;
         let mut follower = PositionServo::new(&feedback, Instant::now());
         self.begin(&mut follower, &feedback);
@@ -254,7 +270,7 @@ impl Shared {
             let set_points = &mut state.set_points;
             let measured = follower.measure(&feedback, set_points, Instant::now());
             state.measured = measured;
-            state.time = Some(wall_clock());
+            state.time = Some(clock::now());
         }
         session.end()
     }
@@ -266,7 +282,7 @@ impl Shared {
         let before = std::mem::replace(&mut state.readiness, Readiness::Ready);
         follower.place(&mut state.set_points);
         state.measured = follower.measure(feedback, &mut state.set_points, Instant::now());
-        state.time = Some(wall_clock());
+        state.time = Some(clock::now());
         if before == Readiness::Lost {
             let idle = [crate::Mode::Idle; AXES];
             let set = state.set_points.set_control_modes(Axes::All, &idle);
@@ -361,10 +377,10 @@ impl GclConnection for HandBoard {
     }
 }
 
-/// Speeds out, positions in.
-fn layout() -> Layout {
+/// Speeds out, in whole units with every firmware, and positions in.
+fn layout(version: FirmwareVersion) -> Layout {
     let motor = MotorLayout {
-        speed: Some(1),
+        speed: Some(version.speed_fraction()),
         position: true,
         ..MotorLayout::default()
     };

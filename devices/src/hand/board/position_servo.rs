@@ -83,7 +83,7 @@ impl PositionServo {
             followed.commanded = units.round().clamp(-127.0, 127.0) as i8;
             MotorControl {
                 speed: followed.commanded,
-                gain: 0,
+                ..MotorControl::default()
             }
         })
     }

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::Motor;
+use super::{FirmwareVersion, Motor};
 
 /// Scope of a parameter: per motor, or for the whole hand.
 #[derive(Clone, Copy, Debug, Eq, Hash, PartialEq)]
@@ -41,6 +41,8 @@ struct Row {
     /// The factory's values of most are not published; then these are choices.
     defaults: [i32; 2],
     advanced: bool,
+    /// True if firmware has it from 4.4 on only.
+    newer: bool,
 }
 
 const fn row(scope: Scope, name: &'static str, min: i32, max: i32, defaults: [i32; 2]) -> Row {
@@ -53,6 +55,7 @@ const fn row(scope: Scope, name: &'static str, min: i32, max: i32, defaults: [i3
         writable: true,
         defaults,
         advanced: false,
+        newer: false,
     }
 }
 
@@ -78,6 +81,10 @@ const fn advanced(row: Row) -> Row {
     }
 }
 
+const fn newer(row: Row) -> Row {
+    Row { newer: true, ..row }
+}
+
 const fn also(row: Row, alias: &'static str) -> Row {
     Row {
         alias: Some(alias),
@@ -85,7 +92,7 @@ const fn also(row: Row, alias: &'static str) -> Row {
     }
 }
 
-static TABLE: [Row; 43] = [
+static TABLE: [Row; 46] = [
     read_only(motor("P", 0, 20000, [0, 0])),
     read_only(motor("S", 0, 65535, [0, 0])),
     read_only(motor("SG", 0, 255, [128, 255])),
@@ -129,6 +136,9 @@ static TABLE: [Row; 43] = [
     read_only(hand("SN", 0, i32::MAX, 262)),
     hand("LFT", 0, 1, 0),
     hand("LFDPD", 0, 1, 0),
+    newer(motor("LCT", 0, 1, [0, 0])),
+    newer(motor("LFBP", 0, 1, [0, 0])),
+    newer(motor("LFAIN", 0, 1, [0, 0])),
 ];
 
 impl Parameter {
@@ -175,6 +185,17 @@ impl Parameter {
     /// Returns whether it belongs to a motor or to the hand.
     pub fn scope(self) -> Scope {
         self.about().scope
+    }
+
+    /// Returns whether firmware of this version has it.
+    pub fn exists_in(self, version: FirmwareVersion) -> bool {
+        !self.about().newer || version.has_newer_fields()
+    }
+
+    /// Returns whether firmware of this version accepts a value: scales have no 0 from 4.4 on.
+    pub fn allows_in(self, version: FirmwareVersion, value: i32) -> bool {
+        let is_scale = matches!(self.name(), "LCVC" | "LFVC" | "LFDPC");
+        self.allows(value) && !(is_scale && value == 0 && version >= FirmwareVersion::V4_4)
     }
 
     /// Returns whether it can be set.

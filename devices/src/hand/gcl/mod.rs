@@ -3,6 +3,7 @@
 //! | file | content |
 //! | --- | --- |
 //! | `motor_set` | the four motors, and the prefix of a command |
+//! | `firmware_version` | differences between versions of the firmware |
 //! | `gcl_parameter` | parameters that can be set and read, with ranges |
 //! | `gcl_command` | commands: encoding and parsing |
 //! | `status_code` | the bits of an error |
@@ -15,6 +16,7 @@
 //! Source: Barrett, *BH8-Series User's Manual*, firmware 4.3x and 4.4.x, chapters 5 to 7; tables 20 to 23 of the
 //! thesis. Choices that they leave open are marked in the code.
 
+mod firmware_version;
 mod gcl_command;
 mod gcl_parameter;
 mod gcl_reply;
@@ -22,6 +24,7 @@ mod motor_set;
 mod realtime_blocks;
 mod status_code;
 
+pub use firmware_version::FirmwareVersion;
 pub use gcl_command::{Command, Listing, SettingsCommand, Verb};
 pub use gcl_parameter::{Parameter, Scope};
 pub use gcl_reply::{ABORT, BANNER, MAX_REPLY, PROMPT, Reply, ReplyError, ReplyReader};

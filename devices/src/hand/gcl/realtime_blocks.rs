@@ -1,33 +1,42 @@
 //! The blocks of RealTime mode: small messages of fixed length, one control block for one feedback block.
 //!
 //! ```text
-//! control:   header  [speed] [gain]  [speed] [gain] ...     per motor of the LOOP command, 1 2 3 4
-//! feedback:  '*'  [speed] [strain] [position high, low] [change]  ...  [temperature]
+//! control:   header  [speed] [gain] [torque high, low]  ...     per motor of the LOOP command, 1 2 3 4
+//! feedback:  '*'  [speed] [strain] [position high, low] [change] [breakaway high, low] [analog]  ...  [temperature]
 //! ```
 //!
-//! Fields in brackets are present if the parameter enables them: `LCV`, `LCPG`; `LFV`, `LFS`, `LFAP`, `LFDP`; `LFT`.
-//! `LCT`, `LFBP` and `LFAIN` of firmware 4.4 are not supported.
+//! Fields in brackets are present if the parameter enables them: `LCV`, `LCPG`, `LCT`; `LFV`, `LFS`, `LFAP`, `LFDP`,
+//! `LFBP`, `LFAIN`; `LFT`. A torque is there only without speed and gain. `LCT`, `LFBP` and `LFAIN` exist from firmware
+//! 4.4 on; see [`FirmwareVersion`] for what else differs.
 //!
-//! Source: the manual of firmware 4.3x, pages 37 to 43, that of 4.4.x, pages 43 to 45.
+//! Source: the manual of firmware 4.3x, pages 37 to 43, that of 4.4.x, pages 43 to 45, and the order of the newer fields
+//! in Barrett's API 4.4.3.
 
-use super::{Command, Motor, MotorSet, Parameter, Reply, ReplyReader, Scope, Status, Verb};
+use super::{
+    Command, FirmwareVersion, Motor, MotorSet, Parameter, Reply, ReplyReader, Scope, Status, Verb,
+};
 
 /// Content of the blocks, for each motor that takes part.
 #[derive(Clone, Debug, Default, Eq, PartialEq)]
 pub struct Layout {
     /// Per motor in the order 1, 2, 3, 4; `None` for one that does not take part.
     pub motors: [Option<MotorLayout>; 4],
-    /// True if feedback ends with the temperature, as two bytes (4.3x; in 4.4 it is documented as one).
+    /// True if feedback ends with the temperature.
     pub temperature: bool,
+    /// Version of the firmware at the other end; the driver replaces it by the one that the hand reports.
+    pub firmware: FirmwareVersion,
 }
 
 /// Content of the blocks for one motor.
 #[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
 pub struct MotorLayout {
-    /// A commanded speed, and the value of one unit of it (`LCV`, `LCVC`).
+    /// A commanded speed, and the value of one unit of it (`LCV`, `LCVC`): in units of speed, from firmware 4.4 on in
+    /// sixteenths of one.
     pub speed: Option<u8>,
     /// A gain (`LCPG`).
     pub gain: bool,
+    /// A torque (`LCT`); not sent beside speed or gain.
+    pub torque: bool,
     /// The measured speed, and the value of one unit of it (`LFV`, `LFVC`).
     pub measured_speed: Option<u8>,
     /// The strain gauge (`LFS`).
@@ -36,6 +45,31 @@ pub struct MotorLayout {
     pub position: bool,
     /// The distance since the last feedback, and the value of one unit of it (`LFDP`, `LFDPC`).
     pub change: Option<u8>,
+    /// The position at which the clutch released (`LFBP`).
+    pub breakaway: bool,
+    /// The analog input (`LFAIN`).
+    pub analog: bool,
+}
+
+impl MotorLayout {
+    fn has_torque(&self) -> bool {
+        self.torque && self.speed.is_none() && !self.gain
+    }
+
+    fn control_length(&self) -> usize {
+        usize::from(self.speed.is_some())
+            + usize::from(self.gain)
+            + 2 * usize::from(self.has_torque())
+    }
+
+    fn feedback_length(&self) -> usize {
+        usize::from(self.measured_speed.is_some())
+            + usize::from(self.strain)
+            + 2 * usize::from(self.position)
+            + usize::from(self.change.is_some())
+            + 2 * usize::from(self.breakaway)
+            + usize::from(self.analog)
+    }
 }
 
 /// The first letter of a control block.
@@ -94,6 +128,8 @@ pub struct MotorControl {
     pub speed: i8,
     /// Gain.
     pub gain: u8,
+    /// Torque; its unit is not published.
+    pub torque: i16,
 }
 
 /// Feedback of the hand; fields that are not in the layout are `None`.
@@ -116,6 +152,10 @@ pub struct MotorFeedback {
     pub position: Option<i16>,
     /// The way since the last feedback, in units of the layout.
     pub change: Option<i8>,
+    /// Counts at which the clutch released.
+    pub breakaway: Option<u16>,
+    /// The analog input.
+    pub analog: Option<u8>,
 }
 
 /// Reasons why bytes are not feedback.
@@ -136,7 +176,7 @@ impl Layout {
         let each = |motor| motors.contains(motor).then_some(layout);
         Self {
             motors: Motor::ALL.map(each),
-            temperature: false,
+            ..Self::default()
         }
     }
 
@@ -147,31 +187,47 @@ impl Layout {
             .fold(MotorSet::NONE, |motors, (motor, _)| motors.with(motor))
     }
 
-    /// Returns the layout for these values of parameters, as the hand interprets them.
+    /// Returns the layout for these values of parameters, as a hand of this version interprets them.
     pub fn from_parameters(
+        firmware: FirmwareVersion,
         motors: MotorSet,
         value: impl Fn(&str, Motor) -> i32,
         temperature: bool,
     ) -> Self {
         let each = |motor: Motor| {
             let on = |name| value(name, motor) != 0;
+            let newer = |name| firmware.has_newer_fields() && on(name);
             let scaled = |name, scale| on(name).then(|| value(scale, motor) as u8);
             motors.contains(motor).then(|| MotorLayout {
                 speed: scaled("LCV", "LCVC"),
                 gain: on("LCPG"),
+                torque: newer("LCT"),
                 measured_speed: scaled("LFV", "LFVC"),
                 strain: on("LFS"),
                 position: on("LFAP"),
                 change: scaled("LFDP", "LFDPC"),
+                breakaway: newer("LFBP"),
+                analog: newer("LFAIN"),
             })
         };
         Self {
             motors: Motor::ALL.map(each),
             temperature,
+            firmware,
         }
     }
 
+    /// Returns the speed that a command of a motor stands for, in units of speed; `None` without a commanded speed.
+    pub fn commanded_speed(&self, motor: Motor, command: i8) -> Option<f64> {
+        let scale = self.motors[motor.index()]?.speed?;
+        let fraction = f64::from(self.firmware.speed_fraction());
+        Some(f64::from(command) * f64::from(scale) / fraction)
+    }
+
     /// Returns the commands that select this layout and enter RealTime; the last one is `LOOP`.
+    ///
+    /// The fields that firmware has from 4.4 on are switched off there when the layout has none: one that is on in the
+    /// EEPROM would shift all that follows it.
     pub fn commands(&self) -> Vec<Command> {
         let mut commands = Vec::new();
         for (motor, layout) in Motor::ALL.into_iter().zip(&self.motors) {
@@ -189,6 +245,15 @@ impl Layout {
             ];
             let verb = Verb::Set(Scope::Motor, values.map(pair(Scope::Motor)).to_vec());
             commands.push(Command::from((motor, verb)));
+            if self.firmware.has_newer_fields() {
+                let values = [
+                    ("LCT", i32::from(layout.torque)),
+                    ("LFBP", i32::from(layout.breakaway)),
+                    ("LFAIN", i32::from(layout.analog)),
+                ];
+                let verb = Verb::Set(Scope::Motor, values.map(pair(Scope::Motor)).to_vec());
+                commands.push(Command::from((motor, verb)));
+            }
         }
         let temperature = pair(Scope::Hand)(("LFT", i32::from(self.temperature)));
         commands.push(Verb::Set(Scope::Hand, vec![temperature]).into());
@@ -198,21 +263,18 @@ impl Layout {
 
     /// Returns the number of bytes after the header of a control block with data.
     pub fn control_length(&self) -> usize {
-        let parts = self.motors.iter().flatten();
-        parts
-            .map(|motor| usize::from(motor.speed.is_some()) + usize::from(motor.gain))
-            .sum()
+        let motors = self.motors.iter().flatten();
+        motors.map(MotorLayout::control_length).sum()
     }
 
     /// Returns the number of bytes after the `*` of a feedback block.
     pub fn feedback_length(&self) -> usize {
-        let one = |motor: &MotorLayout| {
-            usize::from(motor.measured_speed.is_some())
-                + usize::from(motor.strain)
-                + 2 * usize::from(motor.position)
-                + usize::from(motor.change.is_some())
+        let motors = self.motors.iter().flatten();
+        let temperature = match self.temperature {
+            true => self.firmware.temperature_length(),
+            false => 0,
         };
-        self.motors.iter().flatten().map(one).sum::<usize>() + 2 * usize::from(self.temperature)
+        motors.map(MotorLayout::feedback_length).sum::<usize>() + temperature
     }
 
     /// A control block with its header.
@@ -223,6 +285,9 @@ impl Layout {
                 let Some(layout) = layout else { continue };
                 block.extend(layout.speed.map(|_| fields.speed.cast_unsigned()));
                 block.extend(layout.gain.then_some(fields.gain));
+                if layout.has_torque() {
+                    block.extend(fields.torque.to_be_bytes());
+                }
             }
         }
         block
@@ -242,6 +307,9 @@ impl Layout {
             }
             if layout.gain {
                 fields.gain = bytes.next()?;
+            }
+            if layout.has_torque() {
+                fields.torque = i16::from_be_bytes([bytes.next()?, bytes.next()?]);
             }
         }
         Some(control)
@@ -263,9 +331,17 @@ impl Layout {
             }
             let change = fields.change.unwrap_or(0).cast_unsigned();
             block.extend(layout.change.map(|_| change));
+            if layout.breakaway {
+                block.extend(fields.breakaway.unwrap_or(0).to_be_bytes());
+            }
+            block.extend(layout.analog.then_some(fields.analog.unwrap_or(0)));
         }
         if self.temperature {
-            block.extend(feedback.temperature.unwrap_or(0).to_be_bytes());
+            let tenths = feedback.temperature.unwrap_or(0);
+            match self.firmware.temperature_length() {
+                1 => block.push((tenths / 10).clamp(-128, 127).to_be_bytes()[1]),
+                _ => block.extend(tenths.to_be_bytes()),
+            }
         }
         block
     }
@@ -302,10 +378,17 @@ impl Layout {
                 .position
                 .then(|| i16::from_be_bytes([next(), next()]));
             fields.change = layout.change.map(|_| next().cast_signed());
+            fields.breakaway = layout
+                .breakaway
+                .then(|| u16::from_be_bytes([next(), next()]));
+            fields.analog = layout.analog.then(&mut next);
         }
         feedback.temperature = self
             .temperature
-            .then(|| i16::from_be_bytes([next(), next()]));
+            .then(|| match self.firmware.temperature_length() {
+                1 => i16::from(next().cast_signed()) * 10,
+                _ => i16::from_be_bytes([next(), next()]),
+            });
         Ok(Some(feedback))
     }
 }
@@ -358,6 +441,7 @@ mod tests {
         let layout = Layout {
             motors: [Some(finger), Some(finger), None, Some(spread)],
             temperature: true,
+            firmware: FirmwareVersion::V4_3,
         };
         let mut control = Control::default();
         control[0].speed = 100;
@@ -390,6 +474,7 @@ mod tests {
         let fields = MotorControl {
             speed: 100,
             gain: 90,
+            ..MotorControl::default()
         };
         let block = layout.write_control(Header::Control, &[fields; 4]);
         assert_eq!(block, [0x43, 0x64, 0x5a, 0x64, 0x5a, 0x64, 0x5a]);

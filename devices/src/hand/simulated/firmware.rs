@@ -1,8 +1,8 @@
 //! The interpreter: input of the line, actions and output of the hand.
 
 use super::super::gcl::{
-    ABORT, BANNER, Command, Control, Feedback, Header, Layout, Motor, MotorFeedback, MotorSet,
-    PROMPT, Parameter, Scope, Status, Verb,
+    ABORT, BANNER, Command, Control, Feedback, FirmwareVersion, Header, Layout, Motor,
+    MotorFeedback, MotorSet, PROMPT, Parameter, Scope, Status, Verb,
 };
 use super::hand_motion::{Motion, Purpose, strain};
 use super::parameter_values::Settings;
@@ -23,6 +23,8 @@ const ROOM_TEMPERATURE: f64 = 35.0;
 const COOLING_RATE: f64 = 1.0 / 300.0;
 const PUSHING_HEAT_RATE: f64 = 2.0;
 const MOVING_HEAT_RATE: f64 = 0.02;
+/// Heating by a motor that holds its position, or pushes with controlled torque after its motion, °C/s.
+const HOLDING_HEAT_RATE: f64 = 0.01;
 /// Difference below its limit to which a hot hand must cool before it moves again, °C.
 const COOLING_MARGIN: f64 = 5.0;
 
@@ -52,6 +54,7 @@ pub struct Firmware {
     up: f64,
     /// True if time is stopped for the motors.
     frozen: bool,
+    version: FirmwareVersion,
     output: Vec<u8>,
 }
 
@@ -81,8 +84,13 @@ impl Default for Firmware {
 }
 
 impl Firmware {
-    /// A hand that has just got power, with its fingers somewhere.
+    /// A hand that has just got power, with its fingers somewhere and the newest firmware.
     pub fn new() -> Self {
+        Self::with_version(FirmwareVersion::default())
+    }
+
+    /// Creates a hand with firmware of this version.
+    pub fn with_version(version: FirmwareVersion) -> Self {
         Self {
             state: State::Booting(BOOT_TIME),
             settings: Settings::new(),
@@ -93,6 +101,7 @@ impl Firmware {
             hot: false,
             up: 0.0,
             frozen: false,
+            version,
             output: Vec::new(),
         }
     }
@@ -114,6 +123,7 @@ impl Firmware {
                 State::Listening(line) => match byte {
                     ABORT => {
                         line.clear();
+                        self.motors.iter_mut().for_each(SimulatedMotor::stop);
                         self.answer("");
                     }
                     b'\r' => {
@@ -184,6 +194,15 @@ impl Firmware {
         [Motor::F1, Motor::F2, Motor::F3].map(|motor| self.motors[motor.index()].clutch())
     }
 
+    /// Pushes the spread from outside by these counts; it yields without current alone, fingers never.
+    pub fn push_spread(&mut self, counts: f64) {
+        self.motors[Motor::Spread.index()].push_back(counts);
+    }
+
+    fn banner(&self) -> String {
+        format!("{BANNER} {}0 (simulated BH8-262)", self.version)
+    }
+
     /// Makes it this hot, °C.
     pub fn set_temperature(&mut self, celsius: f64) {
         self.temperature = celsius;
@@ -209,8 +228,11 @@ impl Firmware {
             State::Booting(left) => {
                 *left -= seconds;
                 if *left <= 0.0 {
-                    self.answer(&format!("{BANNER} 4.40 (simulated BH8-262)"));
+                    self.answer(&self.banner());
                 }
+            }
+            State::Listening(_) if self.hot => {
+                self.motors.iter_mut().for_each(SimulatedMotor::stop);
             }
             State::Listening(_) => {}
             State::Moving(_) if self.hot => self.end(Status::OVER_TEMPERATURE),
@@ -230,6 +252,7 @@ impl Firmware {
             .motors
             .iter()
             .map(|motor| match motor {
+                motor if motor.has_current() && !motor.is_driven() => HOLDING_HEAT_RATE,
                 motor if motor.pushing() > 0.0 => PUSHING_HEAT_RATE,
                 motor if motor.speed() != 0.0 => MOVING_HEAT_RATE,
                 _ => 0.0,
@@ -243,10 +266,12 @@ impl Firmware {
             self.temperature > limit || (self.hot && self.temperature > limit - COOLING_MARGIN);
     }
 
-    /// The motion has ended.
+    /// The motion has ended, by itself or, with a status, by something else: then no motor keeps its current.
     fn end(&mut self, status: Status) {
         let state = std::mem::replace(&mut self.state, State::Listening(Vec::new()));
-        self.motors.iter_mut().for_each(SimulatedMotor::stop);
+        if !status.is_fine() {
+            self.motors.iter_mut().for_each(SimulatedMotor::stop);
+        }
         let status = match state {
             State::Moving(motion) => {
                 let status = motion.status.and(status);
@@ -263,8 +288,34 @@ impl Firmware {
     fn execute(&mut self, line: &[u8]) {
         let text = String::from_utf8_lossy(line);
         match Command::parse(&text) {
-            Ok(command) => self.carry_out(command),
+            Ok(command) => match self.check(&command.verb) {
+                Status::FINE => self.carry_out(command),
+                status => self.complain(status),
+            },
             Err(status) => self.complain(status),
+        }
+    }
+
+    /// Checks parameters against the version.
+    fn check(&self, verb: &Verb) -> Status {
+        let known = |parameter: &Parameter| parameter.exists_in(self.version);
+        match verb {
+            Verb::Set(_, pairs) if !pairs.iter().all(|(parameter, _)| known(parameter)) => {
+                Status::UNKNOWN_PARAMETER
+            }
+            Verb::Set(_, pairs)
+                if !pairs
+                    .iter()
+                    .all(|(parameter, value)| parameter.allows_in(self.version, *value)) =>
+            {
+                Status::INVALID_VALUE
+            }
+            Verb::Get(_, parameters) | Verb::Keep(_, _, parameters)
+                if !parameters.iter().all(known) =>
+            {
+                Status::UNKNOWN_PARAMETER
+            }
+            _ => Status::FINE,
         }
     }
 
@@ -309,7 +360,9 @@ impl Firmware {
                 String::new()
             }
             Verb::List(scope, listing) => {
-                let lines = Parameter::list(*scope, listing.advanced).map(|parameter| {
+                let listed = Parameter::list(*scope, listing.advanced)
+                    .filter(|parameter| parameter.exists_in(self.version));
+                let lines = listed.map(|parameter| {
                     let mut line = parameter.to_string();
                     for motor in about(*scope, motors).iter().filter(|_| listing.values) {
                         line += &format!(" {}", self.value(parameter, motor));
@@ -326,7 +379,7 @@ impl Firmware {
                 .map(|bit| Status::new(1 << bit).to_string())
                 .collect::<Vec<_>>()
                 .join("\n\r"),
-            Verb::Version => format!("{BANNER} 4.40 (simulated BH8-262)"),
+            Verb::Version => self.banner(),
             Verb::Reset => return self.restart(),
             _ => String::new(),
         };
@@ -385,10 +438,14 @@ impl Firmware {
     }
 
     fn enter_realtime(&mut self, motors: MotorSet) {
+        for motor in motors.iter() {
+            let gain = self.settings.motor("FPG", motor);
+            self.motors[motor.index()].set_gain(f64::from(gain));
+        }
         let value = |name: &str, motor| self.settings.motor(name, motor);
         let temperature = self.settings.hand("LFT") != 0;
         self.state = State::RealTime(Loop {
-            layout: Layout::from_parameters(motors, value, temperature),
+            layout: Layout::from_parameters(self.version, motors, value, temperature),
             block: Vec::new(),
             reported: Motor::ALL.map(|motor| self.counted(motor)),
         });
@@ -429,13 +486,17 @@ impl Firmware {
         self.output.extend(layout.write_feedback(header, &feedback));
     }
 
+    /// Executes a control block. Torques (`LCT`) are read and move nothing: their unit is not published.
     fn follow(&mut self, layout: &Layout, control: &Control) {
-        for (motor, layout) in Motor::ALL.into_iter().zip(&layout.motors) {
-            let Some(scale) = layout.and_then(|layout| layout.speed) else {
+        for (motor, of_motor) in Motor::ALL.into_iter().zip(&layout.motors) {
+            let fields = control[motor.index()];
+            let moved = &mut self.motors[motor.index()];
+            if of_motor.is_some_and(|of_motor| of_motor.gain) {
+                moved.set_gain(f64::from(fields.gain));
+            }
+            let Some(units) = layout.commanded_speed(motor, fields.speed) else {
                 continue;
             };
-            let units = f64::from(control[motor.index()].speed) * f64::from(scale);
-            let moved = &mut self.motors[motor.index()];
             let drive = match units == 0.0 {
                 true => Drive::Off,
                 false => Drive::At(units * REALTIME_UNIT),
@@ -454,6 +515,7 @@ impl Firmware {
             let moved = &self.motors[motor.index()];
             let speed = moved.speed() / REALTIME_UNIT;
             let speed = speed / f64::from(layout.measured_speed.unwrap_or(1).max(1));
+            let breakaway = moved.breakaway().unwrap_or(0.0);
             let mut change = None;
             if let (Some(scale), State::RealTime(realtime)) = (layout.change, &mut self.state) {
                 let scale = i32::from(scale.max(1));
@@ -468,6 +530,8 @@ impl Firmware {
                 strain: Some(strain(motor, &self.motors[motor.index()]) as u8),
                 position: Some(position as i16),
                 change,
+                breakaway: Some(breakaway as u16),
+                analog: Some(0),
             };
         }
         feedback.temperature = Some((self.temperature * 10.0) as i16);

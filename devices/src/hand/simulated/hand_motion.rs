@@ -7,6 +7,8 @@ use super::simulated_motor::{Drive, Load, SimulatedMotor};
 /// Counts/s per unit of `MCV` and `MOV`: makes the data sheet's 1.0 s and 0.5 s of the defaults.
 const FINGER_UNIT: f64 = 175.0;
 const SPREAD_UNIT: f64 = 105.0;
+/// Values of `HSG` and `LSG` from here on switch the limit off.
+const STRAIN_OFF: i32 = 255;
 
 /// A motion in progress: some motors now, others when they are done.
 #[derive(Clone, Debug)]
@@ -24,8 +26,8 @@ pub(super) struct Motion {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Purpose {
-    /// To the open or closed target; a stall is as good.
-    Grasp { closing: bool },
+    /// To the open or closed target; a stall is as good. With `torque` the motor pushes on after a stall.
+    Grasp { closing: bool, torque: bool },
     /// To a position, which must be reached; a step is one too.
     Move(Option<i32>),
     /// Relative to the present position.
@@ -40,8 +42,14 @@ impl Purpose {
     /// Returns the purpose of a verb that moves.
     pub(super) fn of(verb: &Verb) -> Option<Purpose> {
         Some(match verb {
-            Verb::Close | Verb::TorqueClose => Purpose::Grasp { closing: true },
-            Verb::Open | Verb::TorqueOpen => Purpose::Grasp { closing: false },
+            Verb::Close | Verb::TorqueClose => Purpose::Grasp {
+                closing: true,
+                torque: *verb == Verb::TorqueClose,
+            },
+            Verb::Open | Verb::TorqueOpen => Purpose::Grasp {
+                closing: false,
+                torque: *verb == Verb::TorqueOpen,
+            },
             Verb::StepClose(by) => Purpose::Step {
                 by: *by,
                 closing: true,
@@ -90,9 +98,10 @@ impl Motion {
             let (target, speed) = self.plan(motor, &hand[motor.index()], settings);
             self.targets[motor.index()] = target;
             let moved = &mut hand[motor.index()];
-            if !is_closing(self.purpose) {
+            if clears_breakaway(self.purpose) {
                 moved.clear_breakaway();
             }
+            moved.set_gain(f64::from(settings.motor("FPG", motor)));
             moved.drive(Drive::To { target, speed });
         }
     }
@@ -101,8 +110,8 @@ impl Motion {
     fn plan(&self, motor: Motor, from: &SimulatedMotor, settings: &Settings) -> (f64, f64) {
         let value = |name: &str| f64::from(settings.motor(name, motor));
         let target = match self.purpose {
-            Purpose::Grasp { closing: true } => value("CT"),
-            Purpose::Grasp { closing: false } => value("OT"),
+            Purpose::Grasp { closing: true, .. } => value("CT"),
+            Purpose::Grasp { closing: false, .. } => value("OT"),
             Purpose::Move(position) => position.map_or_else(|| value("DP"), f64::from),
             Purpose::Step { by, closing } => {
                 let by = by.map_or_else(|| value("DS"), f64::from);
@@ -127,17 +136,27 @@ impl Motion {
     /// Checks the motors after a step of time; returns whether the motion has ended.
     ///
     /// Source: the manual, chapter 5.5: a motor ends at its target, when it has pushed for `TSTOP`, or when the strain
-    /// passes its limit.
+    /// is above `HSG` or below `LSG`; with the current off unless `HOLD` is set, or with controlled torque after a stall of
+    /// `TC` and `TO`.
     pub(super) fn watch(&mut self, hand: &mut [SimulatedMotor; 4], settings: &Settings) -> bool {
         for motor in self.going.iter() {
             let moved = &mut hand[motor.index()];
             let stop_after = f64::from(settings.motor("TSTOP", motor)) / 1000.0;
-            let limit = settings.motor("HSG", motor);
-            let strained = limit < 255 && strain(motor, moved) > limit;
+            let hold = settings.motor("HOLD", motor) != 0;
+            let (high, low) = (settings.motor("HSG", motor), settings.motor("LSG", motor));
+            let strained = high < STRAIN_OFF && strain(motor, moved) > high
+                || low < STRAIN_OFF && strain(motor, moved) < low;
             if moved.has_arrived() {
-                moved.stop();
+                moved.finish(hold);
             } else if moved.pushing() > stop_after || strained {
-                moved.stop();
+                match (self.purpose, moved.drive) {
+                    (Purpose::Grasp { torque: true, .. }, Drive::To { target, speed })
+                        if !strained =>
+                    {
+                        moved.press(speed.copysign(target - moved.position()));
+                    }
+                    _ => moved.finish(hold),
+                }
                 let left = (self.targets[motor.index()] - moved.position()).abs();
                 let must_arrive =
                     !matches!(self.purpose, Purpose::Grasp { .. } | Purpose::Initialise);
@@ -146,7 +165,7 @@ impl Motion {
                 }
             }
         }
-        let still = |motor: &Motor| hand[motor.index()].drive != Drive::Off;
+        let still = |motor: &Motor| hand[motor.index()].is_driven();
         self.going = self
             .going
             .iter()
@@ -184,10 +203,10 @@ pub(super) fn strain(motor: Motor, moved: &SimulatedMotor) -> i32 {
     }
 }
 
-fn is_closing(purpose: Purpose) -> bool {
-    match purpose {
-        Purpose::Grasp { closing } => closing,
-        Purpose::Home | Purpose::Initialise => false,
-        Purpose::Move(_) | Purpose::Step { .. } => true,
-    }
+/// `O`, `TO` and `HI` clear the breakaway; no other command does.
+fn clears_breakaway(purpose: Purpose) -> bool {
+    matches!(
+        purpose,
+        Purpose::Grasp { closing: false, .. } | Purpose::Initialise
+    )
 }

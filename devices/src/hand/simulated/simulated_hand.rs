@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use super::super::gcl::Motor;
+use super::super::gcl::{FirmwareVersion, Motor};
 use super::firmware::Firmware;
 use super::line_noise::{Noise, NoisyLine};
 use super::pseudo_terminal::Terminal;
@@ -32,6 +32,7 @@ pub struct SimulatedHandOptions {
     speed: f64,
     link: Option<PathBuf>,
     noise: Option<Noise>,
+    version: FirmwareVersion,
 }
 
 impl Default for SimulatedHandOptions {
@@ -47,6 +48,7 @@ impl SimulatedHandOptions {
             speed: 1.0,
             link: None,
             noise: None,
+            version: FirmwareVersion::default(),
         }
     }
 
@@ -59,6 +61,12 @@ impl SimulatedHandOptions {
     /// Sets a path that leads to the line, also after it was disconnected and reconnected.
     pub fn link(mut self, path: impl Into<PathBuf>) -> Self {
         self.link = Some(path.into());
+        self
+    }
+
+    /// Sets the version of its firmware, by default the newest.
+    pub fn version(mut self, version: FirmwareVersion) -> Self {
+        self.version = version;
         self
     }
 
@@ -137,7 +145,7 @@ impl SimulatedHand {
             .map_err(failed("the pseudo-terminal of the simulated hand"))?;
         let shared = Arc::new(Shared {
             world: Mutex::new(Simulation {
-                firmware: Firmware::new(),
+                firmware: Firmware::with_version(options.version),
                 terminal: Some(terminal),
                 line: Line {
                     outgoing: VecDeque::new(),

@@ -31,6 +31,14 @@ pub struct Object {
 /// that joint. The manual's figure 25 has up to 25 N.
 pub const STALL_TORQUE: f64 = 1.1;
 
+/// Torque at the outer joint beyond which no gain raises the stall, Nm: the 25 N of that figure.
+const MAX_STALL_TORQUE: f64 = 25.0 * 0.055;
+/// Gain at which a motor stalls at [`STALL_TORQUE`]: that of Barrett's demonstration. The torque is taken as proportional to
+/// the gain, which is not published.
+const USUAL_GAIN: f64 = 5.0;
+/// Torque about the inner joint with the clutch engaged over that about the outer joint without: the ratio of the gears.
+const OUTER_ENGAGED_RATIO: f64 = 125.0 / 93.75;
+
 /// Torques that contact puts on a finger, against closing, Nm.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Load {
@@ -45,6 +53,11 @@ pub struct Load {
 pub(super) enum Drive {
     /// No current. Fingers stay where they are: they cannot be driven back.
     Off,
+    /// The motion has ended and the servo keeps the position (`HOLD`).
+    Hold,
+    /// The motion has ended at a stall, and the motor pushes on with controlled torque (`TC`, `TO`); closing is positive,
+    /// counts/s.
+    Press(f64),
     /// To a position, at a speed; counts and counts/s.
     To { target: f64, speed: f64 },
     /// At a speed, counts/s; closing is positive.
@@ -71,6 +84,8 @@ pub(super) struct SimulatedMotor {
     pushing: f64,
     /// Total distance, counts.
     travelled: f64,
+    /// Gain of the servo (`FPG`, or `LCPG` in RealTime), which sets the torque of a stall.
+    gain: f64,
 }
 
 impl SimulatedMotor {
@@ -89,6 +104,7 @@ impl SimulatedMotor {
             breakaway: None,
             pushing: 0.0,
             travelled: 0.0,
+            gain: USUAL_GAIN,
         }
     }
 
@@ -127,7 +143,54 @@ impl SimulatedMotor {
     pub(super) fn has_arrived(&self) -> bool {
         match self.drive {
             Drive::To { target, .. } => (self.position - target).abs() < 0.5,
-            Drive::Off | Drive::At(_) => false,
+            Drive::Off | Drive::Hold | Drive::Press(_) | Drive::At(_) => false,
+        }
+    }
+
+    /// Returns whether a motion is in progress.
+    pub(super) fn is_driven(&self) -> bool {
+        matches!(self.drive, Drive::To { .. } | Drive::At(_))
+    }
+
+    /// Returns whether there is current in the motor.
+    pub(super) fn has_current(&self) -> bool {
+        self.drive != Drive::Off
+    }
+
+    /// Ends a motion: with the servo on if `hold`.
+    pub(super) fn finish(&mut self, hold: bool) {
+        self.stop();
+        if hold {
+            self.drive = Drive::Hold;
+        }
+    }
+
+    /// Ends a motion at a stall with controlled torque, in its direction.
+    pub(super) fn press(&mut self, speed: f64) {
+        self.stop();
+        self.drive = Drive::Press(speed);
+    }
+
+    /// Sets the gain of the servo; 0 leaves the motor without torque.
+    pub(super) fn set_gain(&mut self, gain: f64) {
+        self.gain = gain;
+    }
+
+    /// Moves it from outside by these counts, if it can be driven back: only the spread, and only without current.
+    pub(super) fn push_back(&mut self, counts: f64) {
+        if self.motor == Motor::Spread && !self.has_current() {
+            let (open, closed) = self.stops();
+            self.position = (self.position + counts).clamp(open, closed);
+        }
+    }
+
+    /// Returns the torque at which it stalls: about the inner joint while the clutch is engaged, about the outer one after
+    /// it let go, Nm.
+    fn stall_torque(&self) -> f64 {
+        let outer = (STALL_TORQUE * self.gain / USUAL_GAIN).min(MAX_STALL_TORQUE);
+        match self.clutch {
+            Some(_) => outer,
+            None => outer * OUTER_ENGAGED_RATIO,
         }
     }
 
@@ -145,11 +208,11 @@ impl SimulatedMotor {
     /// Time passes, a short piece of it.
     pub(super) fn step(&mut self, seconds: f64) {
         let wanted = match self.drive {
-            Drive::Off => {
+            Drive::Off | Drive::Hold => {
                 self.speed = 0.0;
                 return;
             }
-            Drive::At(speed) => speed,
+            Drive::At(speed) | Drive::Press(speed) => speed,
             Drive::To { target, speed } => {
                 // Not faster than it can still stop in time.
                 let left = target - self.position;
@@ -184,16 +247,32 @@ impl SimulatedMotor {
 
     /// Lets the clutch go when a closing finger meets more torque at its inner joint than the clutch bears.
     fn disengage(&mut self) {
-        let overloaded = self.load.inner > BREAKAWAY_TORQUE && self.speed > 0.0;
+        let overloaded = self.load.inner > BREAKAWAY_TORQUE
+            && self.stall_torque() > BREAKAWAY_TORQUE
+            && self.speed > 0.0;
         if overloaded && self.clutch.is_none() && self.motor != Motor::Spread {
             self.clutch = Some(self.position);
             self.breakaway = Some(self.position);
         }
     }
 
-    /// Returns whether contact is stronger than the motor: with the clutch engaged it lets go before.
+    /// Returns whether contact is stronger than the motor.
     fn is_stalled(&self) -> bool {
-        self.speed > 0.0 && self.clutch.is_some() && self.load.outer > STALL_TORQUE
+        if self.gain <= 0.0 {
+            return true;
+        }
+        let load = match self.clutch {
+            Some(_) => self.load.outer,
+            None => self.load.inner,
+        };
+        self.speed > 0.0 && load > self.stall_torque()
+    }
+
+    /// Returns whether an object is stronger than the clutch, and the motor too.
+    fn releases_at(&self, object: Object) -> bool {
+        object.torque > BREAKAWAY_TORQUE
+            && self.motor != Motor::Spread
+            && (self.clutch.is_some() || self.stall_torque() > BREAKAWAY_TORQUE)
     }
 
     /// Returns the stops in opening and closing direction, counts.
@@ -206,7 +285,7 @@ impl SimulatedMotor {
             None => end,
             Some(object) => {
                 let met = hand_units::counts(self.motor, object.inner);
-                if object.torque > BREAKAWAY_TORQUE && self.motor != Motor::Spread {
+                if self.releases_at(object) {
                     let beyond = (object.outer - met / OUTER_ENGAGED).max(0.0);
                     (met + beyond * OUTER_COUNTS).min(end)
                 } else {
@@ -220,7 +299,7 @@ impl SimulatedMotor {
     /// Returns the position at which the clutch releases, counts; infinite if it does not.
     fn letting_go(&self) -> f64 {
         match self.object {
-            Some(object) if object.torque > BREAKAWAY_TORQUE && self.motor != Motor::Spread => {
+            Some(object) if self.releases_at(object) => {
                 hand_units::counts(self.motor, object.inner)
             }
             _ => f64::INFINITY,
@@ -292,6 +371,38 @@ mod tests {
         motor.drive(Drive::At(-17500.0));
         run(&mut motor, 1.0);
         assert_eq!((motor.clutch(), motor.breakaway()), (None, Some(place)));
+    }
+
+    /// A quarter of the usual gain stalls at 0.37 Nm about the inner joint: before the clutch lets go.
+    #[test]
+    fn the_gain_sets_the_torque_of_a_stall() {
+        for (gain, load, moves) in [
+            (5.0, 0.7, true),
+            (5.0, 0.8, true),
+            (1.25, 0.3, true),
+            (1.25, 0.4, false),
+            (0.0, 0.0, false),
+        ] {
+            let mut motor = SimulatedMotor::new(Motor::F1);
+            motor.set_gain(gain);
+            motor.load.inner = load;
+            motor.drive(Drive::At(10000.0));
+            let before = motor.position();
+            run(&mut motor, 0.5);
+            assert_eq!(motor.position() > before + 1000.0, moves, "{gain} {load}");
+            assert_eq!(motor.clutch().is_some(), gain == 5.0 && load > 0.75);
+        }
+        // After the clutch let go, no gain gives more than 25 N at the fingertip, 55 mm from the joint.
+        for (outer, moves) in [(1.37, true), (1.38, false)] {
+            let mut motor = SimulatedMotor::new(Motor::F1);
+            motor.set_gain(255.0);
+            motor.load = Load { inner: 0.8, outer };
+            motor.drive(Drive::At(2000.0));
+            run(&mut motor, 0.05);
+            let before = motor.position();
+            run(&mut motor, 0.5);
+            assert_eq!(motor.position() > before, moves, "{outer}");
+        }
     }
 
     #[test]

@@ -1,14 +1,16 @@
 //! Behaviours of an arm on any bus.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use yarp_devices::can::puck::{Address, Group, Node, PuckMessage, PuckProperty, status};
+use yarp_devices::guard::{Guarded, GuardedOptions};
 use yarp_devices::simulation::{SafetyLimits, SafetyMode};
 use yarp_devices::wam::WamModel;
 use yarp_devices::wam::can::{CanOptions, CanWam};
 use yarp_devices::{
     Axes, AxisIndex, ControlMode, DeviceError, Encoders, JointFault, Mode, PositionControl,
-    RemoteVariables, VariableValue,
+    RemoteVariables, SoftwareStop, StopState, VariableValue,
 };
 
 use super::{Plug, Rig, Scenario, says, until};
@@ -18,7 +20,7 @@ const ELBOW: Axes<'static> = Axes::One(AxisIndex::new(3));
 const FOLDED: f64 = 179.3;
 
 /// The name of each, and what it does.
-pub const ALL: [Scenario; 10] = [
+pub const ALL: [Scenario; 11] = [
     ("an_arm_is_found_and_moves", an_arm_is_found_and_moves),
     (
         "a_puck_that_falls_silent_is_named_in_every_phase",
@@ -53,6 +55,10 @@ pub const ALL: [Scenario; 10] = [
         limits_reach_the_safety_module,
     ),
     ("pucks_answer_callers", pucks_answer_callers),
+    (
+        "the_software_brake_leaves_the_way_out_to_the_pendant",
+        the_software_brake_leaves_the_way_out_to_the_pendant,
+    ),
 ];
 
 /// Tries again soon, and knows the rotors' angles at home: the simulated arm sinks onto its stops while it is idle.
@@ -385,6 +391,30 @@ pub fn pucks_answer_callers(rig: &dyn Rig) {
     let limits = rig.pucks().lock().simulator().safety().limits();
     assert_eq!(limits.velocity_fault, 0.5);
     assert_eq!(arm.status().connections, 1);
+}
+
+/// A brake idles the safety module once; a release does not undo it, and the pendant does.
+pub fn the_software_brake_leaves_the_way_out_to_the_pendant(rig: &dyn Rig) {
+    let arm = Arc::new(active(rig));
+    let guarded = Guarded::around(Arc::clone(&arm) as _, GuardedOptions::default()).unwrap();
+    arm.position_move(ELBOW, &[100.0]).unwrap();
+    until("the move on its way", || elbow(rig) < 174.0);
+    guarded.brake().unwrap();
+    assert_eq!(guarded.stop_state(), StopState::Braked);
+    until("the arm braked", || safety(rig) == SafetyMode::Idle);
+    until("hardware fault", || modes(&arm) == [Mode::HardwareFault; 7]);
+    guarded.release();
+    assert!(arm.position_move(ELBOW, &[100.0]).is_err());
+    assert_eq!(safety(rig), SafetyMode::Idle);
+    activate(rig, &arm);
+    let now = elbow(rig);
+    move_elbow(rig, &arm, now - 4.0);
+    assert_eq!(arm.status().connections, 1);
+    // An arm that is out of reach is told nothing.
+    (rig.switch())(Plug::Pull);
+    until("the loss noticed", || !arm.status().connected);
+    let refused = guarded.brake().unwrap_err().to_string();
+    assert!(refused.contains("the arm on the CAN bus"), "{refused}");
 }
 
 /// Returns whether a frame has torques in it.

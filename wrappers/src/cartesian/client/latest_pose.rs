@@ -4,7 +4,7 @@ use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use yarp_devices::clock::wall_clock;
+use yarp_devices::clock;
 use yarp_devices::{CartesianEvent, DeviceError, StampedPose, TaskPose};
 use yarp_ports::Received;
 use yarp_wire::float_vector::Vector;
@@ -43,7 +43,7 @@ impl LatestPose {
             return;
         };
         let pose = TaskPose::from_array(numbers);
-        let time = received.stamp().map_or_else(wall_clock, |stamp| stamp.time);
+        let time = received.stamp().map_or_else(clock::now, |stamp| stamp.time);
         self.newest.store(StampedPose { pose, time });
     }
 

@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use tokio::sync::mpsc::{UnboundedReceiver, unbounded_channel};
 use tokio::task::JoinHandle;
-use yarp_devices::clock::wall_clock;
+use yarp_devices::clock;
 use yarp_devices::{CartesianEvent, Device};
 use yarp_ports::{Answer, Network, Port, PortOptions, Received};
 use yarp_wire::Stamp;
@@ -175,7 +175,7 @@ async fn write_events(port: Arc<Port>, mut events: UnboundedReceiver<CartesianEv
         let event = events
             .recv()
             .await
-            .unwrap_or_else(|| CartesianEvent::Closing { time: wall_clock() });
+            .unwrap_or_else(|| CartesianEvent::Closing { time: clock::now() });
         closed = matches!(event, CartesianEvent::Closing { .. });
         let (CartesianEvent::Onset { time }
         | CartesianEvent::Ongoing { time, .. }

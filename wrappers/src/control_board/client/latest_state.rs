@@ -1,7 +1,7 @@
 //! The newest state that has come.
 
 use yarp_devices::DeviceError;
-use yarp_devices::clock::wall_clock;
+use yarp_devices::clock;
 use yarp_ports::Received;
 
 use super::super::messages::JointData;
@@ -24,7 +24,7 @@ impl LatestState {
         match received.read::<JointData>() {
             Ok(data) => {
                 // Stock takes its own time where the board sends none.
-                let time = received.stamp().map_or_else(wall_clock, |stamp| stamp.time);
+                let time = received.stamp().map_or_else(clock::now, |stamp| stamp.time);
                 self.store(State { data, time });
             }
             Err(error) => {

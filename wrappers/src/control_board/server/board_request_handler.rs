@@ -18,7 +18,7 @@ use super::motion_tracker::MotionTracker;
 use super::submit::{PendingCommand, ReplyTiming, Submission};
 use super::{help_text, supported_interfaces};
 use crate::thrift::{Item, Message, ReturnCode, ServiceVersion};
-use yarp_devices::clock::wall_clock;
+use yarp_devices::clock;
 
 /// A device with what its server must remember.
 pub(super) struct RequestHandler {
@@ -227,7 +227,7 @@ impl RequestHandler {
 
     fn next_stamp(&self) -> Stamp {
         let mut stamp = self.stamp.lock().unwrap_or_else(PoisonError::into_inner);
-        *stamp = stamp.next(wall_clock());
+        *stamp = stamp.next(clock::now());
         *stamp
     }
 

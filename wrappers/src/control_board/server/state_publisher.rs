@@ -13,7 +13,7 @@ use super::super::messages::{Field, JointData};
 use super::board_request_handler::RequestHandler;
 use super::deadline_monitor::DeadlineMonitor;
 use crate::periodic_thread::PeriodicThread;
-use yarp_devices::clock::wall_clock;
+use yarp_devices::clock::{self, TimeSource};
 
 /// Maximum backlog of a reader that still gets the next state.
 const MAX_BACKLOG: Duration = Duration::from_millis(20);
@@ -29,7 +29,10 @@ pub(super) fn start(
     let mut deadline_monitor = DeadlineMonitor::new(period);
     let mut cycle = Cycle::new(board, [state, extended], backlog(period));
     PeriodicThread::start("control-board", period, move || {
-        if let Some(missed) = deadline_monitor.period_began(Instant::now()) {
+        // The periods of a clock on the network are as long as its steps and its pauses.
+        if !TimeSource::current().is_network()
+            && let Some(missed) = deadline_monitor.period_began(Instant::now())
+        {
             tracing::warn!(board = %cycle.board.name(), "{missed}");
         }
         cycle.publish();
@@ -76,7 +79,7 @@ impl Cycle {
                 }
             }
         } else {
-            wall_clock()
+            clock::now()
         };
         self.read_modes();
         self.read_motors();

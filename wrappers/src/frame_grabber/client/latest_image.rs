@@ -1,7 +1,7 @@
 //! The newest image that has come.
 
 use yarp_devices::DeviceError;
-use yarp_devices::clock::wall_clock;
+use yarp_devices::clock;
 use yarp_devices::image::{Frame, Image};
 use yarp_ports::Received;
 use yarp_wire::typed;
@@ -41,7 +41,7 @@ impl LatestImage {
         Frame {
             image,
             number: number.unwrap_or_else(next),
-            time: stamp.map_or_else(wall_clock, |(_, time)| time),
+            time: stamp.map_or_else(clock::now, |(_, time)| time),
         }
     }
 

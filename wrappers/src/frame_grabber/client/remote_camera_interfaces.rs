@@ -89,7 +89,7 @@ impl FrameGrabberImageRaw for RemoteFrameGrabber {
             return self.image()?.to_mono();
         }
         // Not kept: what is kept is in colour.
-        let now = yarp_devices::clock::wall_clock();
+        let now = yarp_devices::clock::now();
         ask!(self, Request::Image(Channel::Raw), Answer::Image(image) => Frame { image, number: 0, time: now })
     }
 }

@@ -1,13 +1,18 @@
 //! `yarp clock`: publishes a time that other programs follow.
 
+mod adjustable_clock;
+mod clock_requests;
+
 use std::env;
 use std::io::Write;
 use std::process::ExitCode;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use adjustable_clock::{AdjustableClock, time_bottle};
+use tokio::sync::Notify;
 use yarp_devices::clock::wall_clock;
-use yarp_ports::{Port, PortOptions};
-use yarp_wire::{Bottle, Value};
+use yarp_ports::{Answer, Port, PortOptions, Received};
 
 use super::argument_words::Options;
 use crate::error::Result;
@@ -32,14 +37,15 @@ const MIN_SLEEP: Duration = Duration::from_millis(1);
 
 /// creates a server publishing the system time
 ///
-/// Publishes seconds and nanoseconds, two integers, on its port. Stock programs started with
-/// YARP_CLOCK follow it.
+/// Publishes seconds and nanoseconds, two integers, on its port. Programs started with YARP_CLOCK
+/// follow it. Takes requests on PORT/rpc:i: get, pause, resume, step SECONDS, rate FACTOR, help.
+/// With --paused it begins paused.
 #[derive(Debug, clap::Args)]
 #[command(disable_help_flag = true)]
 pub(crate) struct Args {
     /// The options
     #[arg(
-        value_name = "[--name PORT] [--period MILLISECONDS] [--rtf FACTOR] [--systemTime] [--help]",
+        value_name = "[--name PORT] [--period MILLISECONDS] [--rtf FACTOR] [--systemTime] [--paused] [--help]",
         allow_hyphen_values = true,
         trailing_var_arg = true
     )]
@@ -67,24 +73,61 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         writeln!(out, "yarp clock error: Cannot open '/clock' port")?;
         return Ok(ExitCode::FAILURE);
     };
+    let base = if system { wall_clock() } else { 0.0 };
+    let clock = AdjustableClock::new(base, factor, options.has("paused"), Instant::now());
+    let shared = Arc::new(Shared {
+        clock: Mutex::new(clock),
+        changed: Notify::new(),
+    });
+    let requests = requests_port(&shared);
+    let requests = network_access::open(&network, &format!("{name}/rpc:i"), requests).await;
+    let requests = match requests {
+        Ok(Some(requests)) => requests,
+        failed => {
+            port.close().await;
+            return failed.map(|_| ExitCode::FAILURE);
+        }
+    };
     write!(out, "\n\n")?;
     crate::systemd_notify::notify_ready();
-    let clock = Clock {
-        began: Instant::now(),
-        offset: if system { wall_clock() } else { 0.0 },
-        factor,
-    };
     let pause = Duration::try_from_secs_f64(period).unwrap_or(MIN_SLEEP);
     let done = tick(
         &port,
-        &clock,
+        &shared,
         pause.clamp(MIN_SLEEP, network_access::FOREVER),
         &mut interrupt,
         out,
     )
     .await;
+    requests.close().await;
     port.close().await;
     done.map(|()| ExitCode::SUCCESS)
+}
+
+/// The clock, shared with the port for requests.
+struct Shared {
+    clock: Mutex<AdjustableClock>,
+    /// Signals a change that is published at once.
+    changed: Notify,
+}
+
+impl Shared {
+    fn clock(&self) -> MutexGuard<'_, AdjustableClock> {
+        // A clock is whole between any two calls.
+        self.clock.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Returns the options of the port that answers requests.
+fn requests_port(shared: &Arc<Shared>) -> PortOptions {
+    let shared = Arc::clone(shared);
+    let respond = move |message: &mut Received| {
+        let request = message.bottle().unwrap_or_default();
+        let reply = clock_requests::answer(&mut shared.clock(), &request, Instant::now());
+        shared.changed.notify_one();
+        Answer::reply(reply)
+    };
+    PortOptions::new().input_only().handler(respond)
 }
 
 /// Returns the default port name of a clock.
@@ -96,16 +139,18 @@ fn usual_name() -> String {
 /// Publishes the time until a signal.
 async fn tick(
     port: &Port,
-    clock: &Clock,
+    shared: &Shared,
     pause: Duration,
     interrupt: &mut Interrupt,
     out: &mut dyn Write,
 ) -> Result<()> {
     let mut said = None;
+    let began = Instant::now();
     loop {
-        let elapsed = clock.began.elapsed();
-        port.write_if_idle(&time_bottle(clock.after(elapsed)), None);
-        let lustrum = elapsed.as_secs() / REPORT_SECONDS;
+        let now = Instant::now();
+        let time = shared.clock().time(now);
+        port.write_if_idle(&time_bottle(time), None);
+        let lustrum = (now - began).as_secs() / REPORT_SECONDS;
         if said.replace(lustrum) != Some(lustrum) {
             writeln!(out, "yarp clock running happily...")?;
             out.flush()?;
@@ -113,56 +158,8 @@ async fn tick(
         tokio::select! {
             biased;
             () = interrupt.interrupted() => return Ok(()),
+            () = shared.changed.notified() => {}
             () = tokio::time::sleep(pause) => {}
         }
-    }
-}
-
-/// A time that passes faster or slower than real time.
-struct Clock {
-    began: Instant,
-    offset: f64,
-    factor: f64,
-}
-
-impl Clock {
-    /// Returns the time shown after `elapsed`, in seconds.
-    fn after(&self, elapsed: Duration) -> f64 {
-        elapsed.as_secs_f64() * self.factor + self.offset
-    }
-}
-
-/// Returns a time in the form of stock's clocks: whole seconds, and nanoseconds.
-fn time_bottle(seconds: f64) -> Bottle {
-    let whole = seconds.trunc();
-    let parts = [whole, (seconds - whole) * 1e9];
-    // Seconds have 32 bits, so they stop in 2038.
-    parts
-        .map(|part| Value::Int32(part as i32))
-        .into_iter()
-        .collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_clock_begins_at_its_offset_and_has_its_own_pace() {
-        let clock = Clock {
-            began: Instant::now(),
-            offset: 100.0,
-            factor: 0.5,
-        };
-        assert_eq!(clock.after(Duration::ZERO), 100.0);
-        assert_eq!(clock.after(Duration::from_secs(3)), 101.5);
-    }
-
-    #[test]
-    fn a_time_is_two_integers() {
-        assert_eq!(time_bottle(0.0).to_string(), "0 0");
-        assert_eq!(time_bottle(101.5).to_string(), "101 500000000");
-        assert_eq!(time_bottle(-1.25).to_string(), "-1 -250000000");
-        assert_eq!(time_bottle(1e12).get(0), Some(&Value::Int32(i32::MAX)));
     }
 }
