@@ -30,7 +30,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             continue;
         };
         let mut options = SimulationOptions::default();
-        options.joints = Some([0.0, 0.2, 0.0, 2.2, 0.0, 0.7, 0.0]);
         options.seed = run;
         let before = scene.objects.clone();
         let table = shared(scene, options);

@@ -8,6 +8,7 @@
 //! | `workcell` | [`Workcell`]: the calls of arm and hand that the steps need |
 //! | `remote_workcell` | [`RemoteWorkcell`]: arm and hand on the network |
 //! | `surroundings` | [`Surroundings`]: table, baskets and objects as obstacles |
+//! | `filling` | [`Filling`]: the places in a container where the next object lies lowest |
 //! | `stop_request` | [`Stop`]: finish the current object, or halt at once |
 //! | `picker/` | [`Picker`]: pre-grasp, approach, grasp, verification, lift, transport, release |
 //! | `tidy_task` | [`tidy_task`](tidy()): objects into the baskets of their classes |
@@ -16,6 +17,7 @@
 //! tool plate, frame 7 of the arm: z out of the palm, F3 at positive y.
 
 mod detector;
+mod filling;
 mod grasp;
 mod item;
 mod picker;
@@ -27,6 +29,7 @@ mod tidy_task;
 mod workcell;
 
 pub use detector::{DetectError, Detector};
+pub use filling::{Filling, Spot};
 pub use grasp::{Grasp, GraspOptions, grasps};
 pub use item::{Class, Item, ItemShape};
 pub use picker::{PickError, Picker, PickerOptions, Step};

@@ -1,6 +1,7 @@
 //! Tidying: every object into the container of its class, until the table is empty or somebody stops it (Fig. 37).
 
 use crate::detector::{DetectError, Detector};
+use crate::filling::Filling;
 use crate::item::{Class, Item};
 use crate::picker::{PickError, Picker};
 use crate::stop_request::StopRequest;
@@ -83,9 +84,6 @@ fn tried<'a>(all: &'a mut Vec<Tried>, item: &Item) -> &'a mut Tried {
     &mut all[index]
 }
 
-/// Places in a container at which successive objects are released, m from its middle.
-const OFFSETS: [[f64; 2]; 4] = [[-0.06, 0.0], [0.06, 0.0], [-0.06, 0.0], [0.06, 0.0]];
-
 /// Detects, picks and places objects until none is left that can be placed.
 ///
 /// The first stop request ends it after the current object, the second at once. Errors are in the report: what was done
@@ -112,15 +110,17 @@ fn run<W: Workcell>(
     report: &mut TidyReport,
 ) -> Result<(), TidyError> {
     let mut history: Vec<Tried> = Vec::new();
-    let mut released = [0; 3];
-    let mut budget = None;
+    let mut fillings = picker.surroundings().containers.map(Filling::new);
+    let mut budget = 0;
+    let mut looked_again = false;
     loop {
         if picker.stop().request() != StopRequest::None {
             report.stopped = true;
             return Ok(());
         }
         let mut items = detector.detect()?;
-        let budget = *budget.get_or_insert(items.len() * options.max_attempts_per_object);
+        // The arm may hide some at first.
+        budget = budget.max(items.len() * options.max_attempts_per_object);
         // What failed comes last; of the rest the highest first, which is in the way of the others.
         items.sort_by(|one, other| {
             let key = |item: &Item, history: &mut Vec<Tried>| tried(history, item).count;
@@ -146,15 +146,10 @@ fn run<W: Workcell>(
                 Class::Glass => 1,
                 Class::Plate => 2,
             };
-            let offset = match item.class {
-                Class::Plate => [0.0, 0.0],
-                _ => OFFSETS[released[class] % OFFSETS.len()],
-            };
-            let container = picker.surroundings().containers[class];
-            let outcome = picker.pick_and_place(item, &others, &container, offset, before);
+            let filling = &mut fillings[class];
+            let outcome = picker.pick_and_place(item, &others, filling, before);
             match outcome {
                 Ok(()) => {
-                    released[class] += 1;
                     report.attempts += 1;
                     report.released += 1;
                     report.log.push((item.id, true));
@@ -190,8 +185,15 @@ fn run<W: Workcell>(
             }
             break;
         }
-        if !progress {
+        if progress {
+            looked_again = false;
+            continue;
+        }
+        // What the arm hides is on the table all the same.
+        let moved = !looked_again && picker.clear_view(&items).map_err(TidyError::Pick)?;
+        if !moved {
             return Ok(());
         }
+        looked_again = true;
     }
 }

@@ -4,7 +4,7 @@ mod support;
 
 use support::{Shared, SimulatedCell, item, shared};
 use yarp_manipulation::{
-    Item, PickError, Picker, PickerOptions, Step, Stop, Surroundings, Workcell,
+    Filling, Item, PickError, Picker, PickerOptions, Step, Stop, Surroundings, Workcell,
 };
 use yarp_table::{Finish, Scene, Shape, SimulationOptions, arm_model};
 
@@ -38,9 +38,9 @@ fn height(table: &Shared) -> f64 {
 #[track_caller]
 fn check_placed(shape: Shape, container: usize) {
     let (table, mut picker, item) = table(shape, 0.55, 0.05);
-    let target = picker.surroundings().containers[container];
+    let mut target = Filling::new(picker.surroundings().containers[container]);
     picker
-        .pick_and_place(&item, &[], &target, [0.0, 0.0], 0)
+        .pick_and_place(&item, &[], &mut target, 0)
         .expect("it is placed");
     table.borrow_mut().step(1.0);
     let table = table.borrow();
@@ -84,6 +84,13 @@ fn a_glass_is_placed() {
 }
 
 #[test]
+fn plates_stay_in_the_hand_on_the_way() {
+    for (radius, height) in [(0.0905, 0.016), (0.0945, 0.020), (0.0995, 0.024)] {
+        check_placed(Shape::Plate { radius, height }, 2);
+    }
+}
+
+#[test]
 fn an_object_that_is_out_of_reach_moves_nothing() {
     let (_table, mut picker, item) = table(
         Shape::Box {
@@ -93,9 +100,9 @@ fn an_object_that_is_out_of_reach_moves_nothing() {
         0.0,
     );
     let before = picker.cell().joints().unwrap();
-    let target = picker.surroundings().containers[0];
+    let mut target = Filling::new(picker.surroundings().containers[0]);
     let error = picker
-        .pick_and_place(&item, &[], &target, [0.0, 0.0], 0)
+        .pick_and_place(&item, &[], &mut target, 0)
         .unwrap_err();
     assert!(matches!(error, PickError::Unreachable { .. }), "{error}");
     assert!(error.to_string().contains("out of reach"), "{error}");
@@ -111,9 +118,9 @@ fn an_object_that_is_too_wide_has_no_grasp() {
         0.55,
         0.0,
     );
-    let target = picker.surroundings().containers[0];
+    let mut target = Filling::new(picker.surroundings().containers[0]);
     let error = picker
-        .pick_and_place(&item, &[], &target, [0.0, 0.0], 0)
+        .pick_and_place(&item, &[], &mut target, 0)
         .unwrap_err();
     assert!(matches!(error, PickError::NoGrasp { .. }), "{error}");
 }
@@ -128,9 +135,9 @@ fn fingers_that_close_on_nothing_are_noticed() {
         0.2,
     );
     item.pose.translation.y -= 0.3;
-    let target = picker.surroundings().containers[0];
+    let mut target = Filling::new(picker.surroundings().containers[0]);
     let error = picker
-        .pick_and_place(&item, &[], &target, [0.0, 0.0], 0)
+        .pick_and_place(&item, &[], &mut target, 0)
         .unwrap_err();
     assert!(matches!(error, PickError::Missed { .. }), "{error}");
     assert!(
@@ -210,9 +217,9 @@ fn interrupted(stop: Option<Stop>) -> PickError {
     let options = PickerOptions::default();
     let mut picker = Picker::new(cell, arm_model(), Surroundings::default(), options, button)
         .expect("the simulated arm is ready");
-    let target = picker.surroundings().containers[0];
+    let mut target = Filling::new(picker.surroundings().containers[0]);
     let error = picker
-        .pick_and_place(&item, &[], &target, [0.0, 0.0], 0)
+        .pick_and_place(&item, &[], &mut target, 0)
         .unwrap_err();
     let before = height(&table);
     table.borrow_mut().step(2.0);

@@ -7,7 +7,7 @@ use yarp_client::{Camera, Network};
 use yarp_devices::kinematics::Pose;
 use yarp_manipulation::{Class, DetectError, Detector, Item, ItemShape};
 use yarp_table::{DEPTH_FROM, DEPTH_STEP};
-use yarp_vision::image_source::{DEFAULT_STREAM_TIMEOUT, ImageSource, RemoteImages};
+use yarp_vision::image_source::{ImageSource, RemoteImages};
 use yarp_vision::simulated::{table_database, table_setup};
 use yarp_vision::{
     DepthImage, DetectorParameters, DetectorSetup, FoundObject, Frame, Shape, VisionError,
@@ -17,6 +17,8 @@ use yarp_vision::{
 const NAME: &str = "vision";
 /// Maximum wait for images that are newer than a request.
 const IMAGE_TIMEOUT: Duration = Duration::from_secs(20);
+/// Maximum time without any image: a simulated camera on a busy machine needs seconds.
+const STREAM_TIMEOUT: Duration = Duration::from_secs(15);
 /// Images of each camera that a request waits for: the first may have been under way when it came.
 const NEW_IMAGES: u64 = 2;
 /// Interval between two looks for a new image.
@@ -44,7 +46,7 @@ impl RemoteVision {
     pub fn connect(network: &Network, names: [String; 2]) -> Result<Self, VisionError> {
         let images = |name: &str| -> Result<RemoteImages, VisionError> {
             let camera = Camera::connect_on(network, name)?;
-            Ok(RemoteImages::new(camera, DEFAULT_STREAM_TIMEOUT * 5))
+            Ok(RemoteImages::new(camera, STREAM_TIMEOUT))
         };
         let setup = table_setup();
         let parameters = DetectorParameters::default();
@@ -60,8 +62,11 @@ impl RemoteVision {
     }
 
     fn look(&mut self) -> Result<Vec<FoundObject>, DetectError> {
-        let colour = newer(&mut self.colour, &self.names[0])?;
-        let depth = newer(&mut self.depth, &self.names[1])?;
+        // Both before either is waited for: they are taken at the same time.
+        let colour = self.colour.latest().map_err(failed)?.number;
+        let depth = self.depth.latest().map_err(failed)?.number;
+        let colour = newer(&mut self.colour, &self.names[0], colour)?;
+        let depth = newer(&mut self.depth, &self.names[1], depth)?;
         let depth = depth.to_mono().map_err(failed)?.image;
         let depth = DepthImage::from_grey(&depth, f64::from(DEPTH_FROM), f64::from(DEPTH_STEP));
         let depth = depth.map_err(failed)?;
@@ -102,13 +107,12 @@ impl Detector for RemoteVision {
     }
 }
 
-/// Waits for an image that was taken after the call.
-fn newer(images: &mut RemoteImages, name: &str) -> Result<Frame, DetectError> {
+/// Waits for an image that was taken after the one with this number had come.
+fn newer(images: &mut RemoteImages, name: &str, seen: u64) -> Result<Frame, DetectError> {
     let start = Instant::now();
-    let mut first = None;
     loop {
         let frame = images.latest().map_err(failed)?;
-        if frame.number >= *first.get_or_insert(frame.number) + NEW_IMAGES {
+        if frame.number >= seen + NEW_IMAGES {
             return Ok(frame);
         }
         if start.elapsed() >= IMAGE_TIMEOUT {

@@ -16,11 +16,12 @@ use yarp_devices::kinematics::Joints;
 use yarp_devices::wam::WamModel;
 use yarp_planning::PlanError;
 
+use crate::filling::Filling;
 use crate::grasp::{Grasp, GraspOptions};
 use crate::item::Item;
 use crate::posture::{PostureError, PostureSolver};
 use crate::stop_request::{Stop, StopRequest};
-use crate::surroundings::{Container, Surroundings};
+use crate::surroundings::Surroundings;
 use crate::workcell::{Workcell, WorkcellError};
 
 /// A step of picking and placing.
@@ -245,7 +246,7 @@ impl<W: Workcell> Picker<W> {
         &self.surroundings
     }
 
-    /// Picks `item` and drops it into `container`, at this distance from its middle, m.
+    /// Picks `item` and drops it into a container, where what was released before lies lowest.
     ///
     /// `others` are the other objects on the table. `first` skips grasps: 0 begins with the preferred one.
     ///
@@ -254,11 +255,10 @@ impl<W: Workcell> Picker<W> {
         &mut self,
         item: &Item,
         others: &[Item],
-        container: &Container,
-        offset: [f64; 2],
+        filling: &mut Filling,
         first: usize,
     ) -> Result<(), PickError> {
-        let outcome = self.try_pick_and_place(item, others, container, offset, first);
+        let outcome = self.try_pick_and_place(item, others, filling, first);
         if let Err(
             PickError::Workcell { .. } | PickError::Stopped { .. } | PickError::Blocked { .. },
         ) = &outcome
@@ -273,11 +273,11 @@ impl<W: Workcell> Picker<W> {
         &mut self,
         item: &Item,
         others: &[Item],
-        container: &Container,
-        offset: [f64; 2],
+        filling: &mut Filling,
         first: usize,
     ) -> Result<(), PickError> {
         self.leave_home()?;
+        self.back_up(item, others)?;
         let plan = self.plan_pick(item, others, first)?;
         self.shape_hand(&plan.grasp)?;
         let approach = self.plan_transit(item, others, &plan)?;
@@ -299,7 +299,7 @@ impl<W: Workcell> Picker<W> {
         self.follow(&plan.up, Step::Lift)?;
         // The correction contains the weight from here on.
         self.settle(Step::Lift)?;
-        let transport = match self.plan_transport(item, others, &plan.grasp, container, offset) {
+        let (transport, spot) = match self.plan_transport(item, others, &plan.grasp, filling) {
             Ok(transport) => transport,
             Err(error) => {
                 self.follow(&plan.down, Step::Release)?;
@@ -311,6 +311,7 @@ impl<W: Workcell> Picker<W> {
         };
         self.carry(&transport, Step::Transport)?;
         self.settle(Step::Transport)?;
+        filling.add(&spot, item.shape.height());
         self.let_go(&plan.grasp, Step::Release)
     }
 
@@ -321,6 +322,45 @@ impl<W: Workcell> Picker<W> {
         }
         let unfolded = Joints::<7>::from(UNFOLDED);
         match self.timed(vec![self.at, unfolded]) {
+            Some(motion) => self.follow(&motion, Step::PreGrasp),
+            None => Ok(()),
+        }
+    }
+
+    /// Moves the arm out of the view of cameras above the table, with an empty hand; returns whether it moved.
+    ///
+    /// An arm that finds no path stays. Errors: [`PickError`].
+    pub fn clear_view(&mut self, items: &[Item]) -> Result<bool, PickError> {
+        let unfolded = Joints::<7>::from(UNFOLDED);
+        let at_home = (self.at - self.model.home).amax() <= AT_HOME;
+        if at_home || (self.at - unfolded).amax() <= AT_HOME {
+            return Ok(false);
+        }
+        let outcome = self.try_clear_view(items, &unfolded);
+        if outcome.is_err() {
+            // The first error is the one to report.
+            let _ = self.cell.hold();
+        }
+        outcome
+    }
+
+    fn try_clear_view(&mut self, items: &[Item], to: &Joints<7>) -> Result<bool, PickError> {
+        if let Some(motion) = self.plan_back_up(items) {
+            self.follow(&motion, Step::PreGrasp)?;
+        }
+        match self.plan_retreat(items, to) {
+            Ok(motion) => self.follow(&motion, Step::PreGrasp).map(|()| true),
+            Err(error) => {
+                tracing::info!(%error, "the arm stays in view");
+                Ok(false)
+            }
+        }
+    }
+
+    /// Raises a hand that is nearer to an object than planned motions begin, such as beside one that fell.
+    fn back_up(&mut self, item: &Item, others: &[Item]) -> Result<(), PickError> {
+        let items: Vec<Item> = others.iter().chain([item]).cloned().collect();
+        match self.plan_back_up(&items) {
             Some(motion) => self.follow(&motion, Step::PreGrasp),
             None => Ok(()),
         }

@@ -23,6 +23,13 @@ pub(super) struct Motion {
     slower: f64,
 }
 
+impl Motion {
+    /// Returns the posture at the end.
+    pub(super) fn end(&self) -> Joints<7> {
+        self.trajectory.joints_at(self.trajectory.duration())
+    }
+}
+
 impl<W: Workcell> Picker<W> {
     /// Returns the motion along a trajectory on which elbow and wrist keep their maximum speed.
     pub(super) fn motion(&self, trajectory: Trajectory) -> Motion {

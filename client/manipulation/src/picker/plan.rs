@@ -11,9 +11,9 @@ use yarp_planning::{
 
 use super::motion::Motion;
 use super::{PickError, Picker, PlanFailure, Step};
-use crate::grasp::{Grasp, grasps};
+use crate::filling::{Filling, Spot, half_extent};
+use crate::grasp::{Grasp, finger_joints, grasps};
 use crate::item::Item;
-use crate::surroundings::Container;
 use crate::workcell::Workcell;
 
 /// Distance that the straight approach keeps from the table and other objects, m.
@@ -26,6 +26,11 @@ const LINE_STEP: f64 = 0.02;
 const RELEASE_HEIGHT: f64 = 0.03;
 /// Number of directions of the hand above a container.
 const RELEASE_DIRECTIONS: u32 = 8;
+/// Number of directions and places that are goals of one plan, and maximum number of plans for a release.
+const RELEASES_AT_ONCE: usize = 8;
+const MAX_RELEASE_PLANS: usize = 6;
+/// Length of the motion up from beside an object, m, and lower ones where the arm does not reach so high.
+const BACK_UPS: [f64; 3] = [0.20, 0.12, 0.06];
 /// Number of postures per grasp for which a straight approach is tried.
 const POSTURES: usize = 4;
 /// Largest and smallest radius of the spheres that stand for a held object, m.
@@ -127,15 +132,14 @@ impl<W: Workcell> Picker<W> {
             })
     }
 
-    /// Plans the motion of a held object to the container.
+    /// Plans the motion of a held object to the place in the container where what is there is lowest.
     pub(super) fn plan_transport(
         &mut self,
         item: &Item,
         others: &[Item],
         grasp: &Grasp,
-        container: &Container,
-        offset: [f64; 2],
-    ) -> Result<Motion, PickError> {
+        filling: &Filling,
+    ) -> Result<(Motion, Spot), PickError> {
         let step = Step::Transport;
         let mut geometry = ArmGeometry::wam_with_hand(&grasp.fingers());
         for sphere in held(item, grasp) {
@@ -143,34 +147,71 @@ impl<W: Workcell> Picker<W> {
         }
         let scene = self.surroundings.scene(others);
         let model = self.collisions(geometry.clone(), scene.clone());
-        let bottom = item.pose.translation.z - item.shape.height() / 2.0;
-        let height = container.rim() + RELEASE_HEIGHT + (grasp.hand.translation.z - bottom);
-        let place = Vector3::new(
-            container.bottom[0] + offset[0],
-            container.bottom[1] + offset[1],
-            height,
-        );
-        let mut goals = Vec::new();
         let mut last = PlanFailure::NoLine;
-        for direction in 0..RELEASE_DIRECTIONS {
-            let angle = TAU * f64::from(direction) / f64::from(RELEASE_DIRECTIONS);
-            let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), angle);
-            let target = Pose::from_parts(place.into(), turn * grasp.hand.rotation);
-            match self.solver.postures(&target, &self.at, &model) {
-                Ok(postures) => goals.extend(postures.into_iter().take(2)),
-                Err(error) => last = error.into(),
+        let releases = releases(item, filling);
+        for some in releases.chunks(RELEASES_AT_ONCE).take(MAX_RELEASE_PLANS) {
+            let mut goals: Vec<(Joints<7>, Spot)> = Vec::new();
+            for (angle, spot) in some {
+                let target = release_pose(item, grasp, filling, *angle, spot);
+                match self.solver.postures(&target, &self.at, &model) {
+                    Ok(postures) => {
+                        goals.extend(postures.iter().take(2).map(|goal| (*goal, *spot)))
+                    }
+                    Err(error) => last = error.into(),
+                }
+            }
+            // The planner tries straight motions in this order.
+            goals.sort_by(|one, other| {
+                let distance = |goal: &Joints<7>| (goal - self.at).norm();
+                distance(&one.0).total_cmp(&distance(&other.0))
+            });
+            if goals.is_empty() {
+                continue;
+            }
+            let postures: Vec<Joints<7>> = goals.iter().map(|goal| goal.0).collect();
+            match self.plan_motion(geometry.clone(), scene.clone(), &postures) {
+                Ok(motion) => {
+                    let end = motion.end();
+                    let away = |goal: &Joints<7>| (goal - end).norm();
+                    goals.sort_by(|one, other| away(&one.0).total_cmp(&away(&other.0)));
+                    return Ok((motion, goals[0].1));
+                }
+                Err(error) => last = error,
             }
         }
-        // The planner tries straight motions in this order.
-        goals.sort_by(|one, other| {
-            let distance = |goal: &Joints<7>| (goal - self.at).norm();
-            distance(one).total_cmp(&distance(other))
-        });
-        if goals.is_empty() {
-            return Err(PickError::Plan { step, source: last });
+        Err(PickError::Plan { step, source: last })
+    }
+
+    /// Plans a motion straight up, out of the margin of the objects; `None` if the arm is free or cannot go up.
+    pub(super) fn plan_back_up(&self, items: &[Item]) -> Option<Motion> {
+        let model = self.collisions(self.open_hand(), self.surroundings.scene(items));
+        if model.is_free(&self.at) {
+            return None;
         }
-        self.plan_motion(geometry, scene, &goals)
-            .map_err(|source| PickError::Plan { step, source })
+        BACK_UPS.into_iter().find_map(|height| {
+            let mut above = self.model.chain.forward(&self.at);
+            above.translation.z += height;
+            let steps = (height / LINE_STEP).ceil() as usize;
+            let line = self.solver.line(&self.at, &above, steps)?;
+            let free = line.iter().position(|posture| model.is_free(posture))?;
+            let mut postures = vec![self.at];
+            postures.extend_from_slice(&line[..=free]);
+            self.timed(postures)
+        })
+    }
+
+    /// Plans a motion with an empty hand.
+    pub(super) fn plan_retreat(
+        &mut self,
+        items: &[Item],
+        to: &Joints<7>,
+    ) -> Result<Motion, PlanFailure> {
+        let scene = self.surroundings.scene(items);
+        self.plan_motion(self.open_hand(), scene, &[*to])
+    }
+
+    fn open_hand(&self) -> ArmGeometry {
+        ArmGeometry::wam_with_hand(&[finger_joints(0.0, f64::from(self.spread)); 3])
     }
 
     fn plan_motion(
@@ -207,6 +248,55 @@ impl<W: Workcell> Picker<W> {
     fn collisions(&self, geometry: ArmGeometry, scene: Scene) -> CollisionModel {
         CollisionModel::new(&self.model.chain, geometry, scene)
     }
+}
+
+/// Returns directions and places of a release, rad about the vertical, the lowest places first.
+fn releases(item: &Item, filling: &Filling) -> Vec<(f64, Spot)> {
+    let mut all = Vec::new();
+    for direction in 0..RELEASE_DIRECTIONS {
+        let angle = TAU * f64::from(direction) / f64::from(RELEASE_DIRECTIONS);
+        let spots = filling.spots(half_extent(item, angle));
+        // One of each direction in turn among those that are equally low.
+        all.extend(
+            spots
+                .into_iter()
+                .enumerate()
+                .map(|(rank, spot)| (rank, angle, spot)),
+        );
+    }
+    if all.is_empty() {
+        // It is longer than the container: across the rim is better than nowhere.
+        let spot = Spot {
+            offset: [0.0; 2],
+            half: half_extent(item, 0.0),
+            level: 0.0,
+        };
+        all.push((0, 0.0, spot));
+    }
+    all.sort_by(|one, other| {
+        let levels = one.2.level.total_cmp(&other.2.level);
+        levels.then(one.0.cmp(&other.0))
+    });
+    all.into_iter()
+        .map(|(_, angle, spot)| (angle, spot))
+        .collect()
+}
+
+/// Returns the pose of the hand in which it releases an item.
+fn release_pose(item: &Item, grasp: &Grasp, filling: &Filling, angle: f64, spot: &Spot) -> Pose {
+    let container = filling.container();
+    let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), angle);
+    let bottom = item.pose.translation.z - item.shape.height() / 2.0;
+    let below = container.rim().max(container.bottom[2] + spot.level);
+    // The object's middle comes to the spot, beside which the hand may be.
+    let beside = grasp.hand.translation.vector - item.pose.translation.vector;
+    let beside = turn * Vector3::new(beside.x, beside.y, 0.0);
+    let place = Vector3::new(
+        container.bottom[0] + spot.offset[0] + beside.x,
+        container.bottom[1] + spot.offset[1] + beside.y,
+        below + RELEASE_HEIGHT + (grasp.hand.translation.z - bottom),
+    );
+    Pose::from_parts(place.into(), turn * grasp.hand.rotation)
 }
 
 /// Returns spheres for the surface of a held object, in the frame of the hand.

@@ -107,8 +107,8 @@ impl Physics {
         parameters.contact_softness = SpringCoefficients::new(CONTACT.0, CONTACT.1);
         parameters.static_contact_softness =
             SpringCoefficients::new(CONTACT_WITH_TABLE.0, CONTACT_WITH_TABLE.1);
-        // Half a millimetre: contacts that moved less are kept.
-        parameters.normalized_contact_recycle_distance = 0.005;
+        // Contacts are determined in every step: what a moving hand holds would lose its grip whenever kept ones are replaced.
+        parameters.normalized_contact_recycle_distance = 0.0;
         // One friction force per contact point, which can be read back.
         parameters.friction_model = rapier3d::prelude::FrictionModel::Coulomb;
         parameters.contact_clustering = false;
