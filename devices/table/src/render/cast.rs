@@ -48,7 +48,7 @@ impl Rays {
     }
 
     /// Direction of a place beside a pixel, in pixels: from the pixel and its neighbours.
-    fn at(&self, column: usize, row: usize, right: f32, down: f32) -> [f32; 2] {
+    pub(super) fn at(&self, column: usize, row: usize, right: f32, down: f32) -> [f32; 2] {
         let here = row * self.lens.width + column;
         let place = self.places[here];
         if right == 0.0 && down == 0.0 {
@@ -132,7 +132,10 @@ impl<'a> Caster<'a> {
         let rotation: Matrix3<f32> = camera.pose.rotation.matrix().cast();
         let eye = camera.pose.translation.vector;
         Self {
-            boxes: all.iter().map(|solid| on_image(solid, camera)).collect(),
+            boxes: all
+                .iter()
+                .map(|solid| tile::on_image(solid, camera))
+                .collect(),
             bounds: all.iter().map(Bound::new).collect(),
             all,
             rays,
@@ -288,7 +291,7 @@ impl<'a> Caster<'a> {
     }
 
     /// The solids that a tile may show.
-    fn near(&self, left: usize, top: usize) -> Vec<usize> {
+    pub(super) fn near(&self, left: usize, top: usize) -> Vec<usize> {
         let [right, bottom] = [left + TILE, top + TILE];
         let number = top / TILE * self.rays.lens.width.div_ceil(TILE) + left / TILE;
         let frustum = Frustum::new(self.rays.tiles[number], &self.rotation);
@@ -305,7 +308,7 @@ impl<'a> Caster<'a> {
     }
 
     /// Adds a ray and the surfaces that it meets.
-    fn meet(
+    pub(super) fn meet(
         &self,
         ray: [f32; 2],
         near: &[usize],
@@ -327,7 +330,7 @@ impl<'a> Caster<'a> {
         sights.push(direction, hits.into_iter().flatten());
     }
 
-    fn casters(&self, sights: &Sights) -> Casters {
+    pub(super) fn casters(&self, sights: &Sights) -> Casters {
         match self.light {
             Some(light) => sights.casters(self.all, &self.bounds, light),
             None => Casters::default(),
@@ -487,51 +490,4 @@ fn is_edge(keys: &[u32], width: usize, height: usize, column: usize, row: usize)
         || (column + 1 < width && keys[here + 1] != key)
         || (row > 0 && keys[here - width] != key)
         || (row + 1 < height && keys[here + width] != key)
-}
-
-/// First and last column, first and last row that may show a solid; none for one behind the camera.
-fn on_image(solid: &Primitive, camera: &Camera) -> [usize; 4] {
-    /// Maximum shift of the bounding box of the corners by lens distortion, pixels.
-    const MARGIN: f64 = 4.0;
-    let lens = &camera.lens;
-    let all = [0, lens.width - 1, 0, lens.height - 1];
-    let mut low = [f64::INFINITY; 2];
-    let mut high = [f64::NEG_INFINITY; 2];
-    let mut behind = 0;
-    for corner in solid.corners() {
-        let local = camera.pose.rotation.inverse() * corner.cast::<f64>();
-        if local.z < 0.02 {
-            behind += 1;
-            continue;
-        }
-        let ideal = [local.x / local.z, local.y / local.z];
-        // Far outside, the polynomial of the distortion means nothing.
-        let limit = 1.5 * (lens.width as f64 / lens.focal[0]);
-        let place = lens.distort(ideal.map(|value| value.clamp(-limit, limit)));
-        for axis in 0..2 {
-            let pixel = place[axis] * lens.focal[axis] + lens.centre[axis];
-            low[axis] = low[axis].min(pixel);
-            high[axis] = high[axis].max(pixel);
-        }
-    }
-    match behind {
-        8 => [1, 0, 1, 0],
-        0 => {
-            let first = |value: f64| (value - MARGIN).max(0.0) as usize;
-            let last =
-                |value: f64, size: usize| ((value + MARGIN).max(-1.0) as i64).min(size as i64 - 1);
-            let right = last(high[0], lens.width);
-            let bottom = last(high[1], lens.height);
-            if high[0] + MARGIN < 0.0 || high[1] + MARGIN < 0.0 {
-                return [1, 0, 1, 0];
-            }
-            [
-                first(low[0]),
-                right.max(0) as usize,
-                first(low[1]),
-                bottom.max(0) as usize,
-            ]
-        }
-        _ => all,
-    }
 }

@@ -216,6 +216,29 @@ impl Light {
         (diffuse, highlight)
     }
 
+    /// Asserts that each solid that blocks a ray from a place on a solid to a lamp is listed; returns the number of such rays.
+    #[cfg(test)]
+    pub(super) fn check_casters(
+        &self,
+        index: usize,
+        casters: &[Vec<usize>],
+        all: &[Primitive],
+        place: &Vector,
+    ) -> usize {
+        let mut blocked = 0;
+        for (number, lamp) in self.lamps.iter().enumerate() {
+            for &other in &self.blockers[number][index] {
+                for sample in &lamp.samples {
+                    if all[other].blocks(place, &(sample - place), 1.0) {
+                        assert!(casters[number].contains(&other), "{index} {other}");
+                        blocked += 1;
+                    }
+                }
+            }
+        }
+        blocked
+    }
+
     fn fall_on_table(&mut self, all: &[Primitive]) {
         let mut light = std::mem::take(&mut self.table.light);
         let (plane, lamps) = (&self.table, &self.lamps);

@@ -4,6 +4,7 @@ use nalgebra::Matrix3;
 
 use super::light::{Bound, Light};
 use super::primitive::{Hit, Primitive, Vector};
+use crate::Camera;
 
 /// Side of the squares for which solids are listed, pixels.
 pub(super) const TILE: usize = 16;
@@ -131,5 +132,114 @@ impl Casters {
         let Self(all) = self;
         let found = all.iter().find(|(other, _)| *other == index);
         found.map_or(&[], |(_, casters)| casters)
+    }
+}
+
+/// First and last column, first and last row that may show a solid; none for one behind the camera.
+pub(super) fn on_image(solid: &Primitive, camera: &Camera) -> [usize; 4] {
+    /// Maximum shift of the bounding box of the corners by lens distortion, pixels.
+    const MARGIN: f64 = 4.0;
+    let lens = &camera.lens;
+    let all = [0, lens.width - 1, 0, lens.height - 1];
+    let mut low = [f64::INFINITY; 2];
+    let mut high = [f64::NEG_INFINITY; 2];
+    let mut behind = 0;
+    for corner in solid.corners() {
+        let local = camera.pose.rotation.inverse() * corner.cast::<f64>();
+        if local.z < 0.02 {
+            behind += 1;
+            continue;
+        }
+        let ideal = [local.x / local.z, local.y / local.z];
+        // Far outside, the polynomial of the distortion means nothing.
+        let limit = 1.5 * (lens.width as f64 / lens.focal[0]);
+        let place = lens.distort(ideal.map(|value| value.clamp(-limit, limit)));
+        for axis in 0..2 {
+            let pixel = place[axis] * lens.focal[axis] + lens.centre[axis];
+            low[axis] = low[axis].min(pixel);
+            high[axis] = high[axis].max(pixel);
+        }
+    }
+    match behind {
+        8 => [1, 0, 1, 0],
+        0 => {
+            let first = |value: f64| (value - MARGIN).max(0.0) as usize;
+            let last =
+                |value: f64, size: usize| ((value + MARGIN).max(-1.0) as i64).min(size as i64 - 1);
+            let right = last(high[0], lens.width);
+            let bottom = last(high[1], lens.height);
+            if high[0] + MARGIN < 0.0 || high[1] + MARGIN < 0.0 {
+                return [1, 0, 1, 0];
+            }
+            [
+                first(low[0]),
+                right.max(0) as usize,
+                first(low[1]),
+                bottom.max(0) as usize,
+            ]
+        }
+        _ => all,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::cast::{Caster, Rays};
+    use super::*;
+    use crate::{Dataset, DatasetOptions};
+
+    /// Tables with the arm, glasses that let light through, and a camera with distortion.
+    fn options() -> DatasetOptions {
+        let mut options = DatasetOptions::default();
+        (options.with_arm, options.placement.clutter) = (1.0, 4);
+        options
+    }
+
+    #[test]
+    fn a_tile_lists_all_that_its_rays_and_their_shadow_rays_meet() {
+        let dataset = Dataset::new(9000, options());
+        for index in 0..3 {
+            let (scene, _) = dataset.scene(index).unwrap();
+            let mut camera = scene.camera();
+            camera.lens = camera.lens.scaled(0.2);
+            let all = super::super::scene_geometry::primitives(&scene, &camera);
+            let light = Light::new(&scene, &camera.pose.translation.vector, &all);
+            let rays = Rays::new(camera.lens);
+            let caster = Caster::new(&scene, &camera, &all, &rays, Some(&light), all.len());
+            let everything: Vec<usize> = (0..all.len()).collect();
+            let (mut met, mut blocked, mut listed) = (0, 0, [0; 2]);
+            for top in (0..camera.lens.height).step_by(TILE) {
+                for left in (0..camera.lens.width).step_by(TILE) {
+                    let near = caster.near(left, top);
+                    let mut sights = Sights::default();
+                    for row in top..(top + TILE).min(camera.lens.height) {
+                        for column in left..(left + TILE).min(camera.lens.width) {
+                            for offset in [-0.5, 0.0, 0.5] {
+                                let ray = rays.at(column, row, offset, -offset);
+                                caster.meet(ray, &everything, None, &mut sights);
+                            }
+                        }
+                    }
+                    let casters = caster.casters(&sights);
+                    listed[0] += near.len();
+                    for (direction, hits) in sights.iter() {
+                        let Some((solid, hit)) = hits.first() else {
+                            continue;
+                        };
+                        met += 1;
+                        assert!(hits.iter().all(|(index, _)| near.contains(index)));
+                        let on = casters.on(*solid);
+                        listed[1] += on.iter().map(Vec::len).sum::<usize>();
+                        let place = direction * hit.distance;
+                        blocked += light.check_casters(*solid, on, &all, &place);
+                    }
+                }
+            }
+            assert!(met > 1000 && blocked > 1000, "{met} {blocked}");
+            // The lists are short, or they would be of no use.
+            let tiles = (camera.lens.width * camera.lens.height).div_ceil(TILE * TILE);
+            assert!(listed[0] < tiles * all.len() / 2, "{listed:?}");
+            assert!(listed[1] < met * all.len() / 2, "{listed:?}");
+        }
     }
 }
