@@ -1,6 +1,5 @@
 //! `yarp table`: a simulated table with arm, hand and cameras.
 
-mod render;
 mod scene_message;
 
 use std::error::Error;
@@ -12,7 +11,10 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use yarp_ports::{Network, Port, PortError, PortOptions};
-use yarp_table::{LiveOptions, LiveTable, Placement, Scene};
+use yarp_table::{
+    Class, Dataset, DatasetOptions, LiveOptions, LiveTable, Placement, Scene, write_models,
+    write_shot,
+};
 use yarp_view::{View, ViewOptions};
 use yarp_wire::PortName;
 use yarp_wrappers::frame_grabber::Capability;
@@ -62,7 +64,31 @@ pub(crate) struct Args {
 #[derive(Debug, clap::Subcommand)]
 enum Action {
     /// Write images of random tables with ground truth
-    Render(render::Args),
+    Render {
+        /// Number of images
+        #[arg(long, default_value_t = 1)]
+        count: u64,
+        /// Seed of the set
+        #[arg(long, default_value_t = 0)]
+        seed: u64,
+        /// Folder to write to: 000000.png, 000000.xml, ...
+        #[arg(long, value_name = "DIR")]
+        out: PathBuf,
+        /// Most objects on an image
+        #[arg(long, value_name = "COUNT")]
+        objects: Option<usize>,
+        /// Only objects of this class; may be given several times
+        #[arg(long = "class", value_name = "CLASS", value_parser = class)]
+        classes: Vec<Class>,
+        /// Write the prints of the cartons too, into DIR/models
+        #[arg(long)]
+        models: bool,
+    },
+}
+
+fn class(word: &str) -> std::result::Result<Class, String> {
+    let words: Vec<_> = Class::ALL.map(Class::word).to_vec();
+    Class::from_word(word).ok_or_else(|| format!("expected one of {}", words.join(", ")))
 }
 
 fn failed(error: impl Error + Send + Sync + 'static) -> Failure {
@@ -70,10 +96,44 @@ fn failed(error: impl Error + Send + Sync + 'static) -> Failure {
 }
 
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
-    if let Some(Action::Render(args)) = args.action {
-        return render::run(args, out);
+    if let Some(Action::Render {
+        count,
+        seed,
+        out: directory,
+        objects,
+        classes,
+        models,
+    }) = args.action
+    {
+        let mut options = DatasetOptions::default();
+        options.placement.count = objects.unwrap_or(options.placement.count);
+        if !classes.is_empty() {
+            options.placement.classes = classes;
+        }
+        return render(Dataset::new(seed, options), count, models, &directory, out);
     }
     serve(args, out).await
+}
+
+fn render(
+    dataset: Dataset,
+    count: u64,
+    models: bool,
+    directory: &std::path::Path,
+    out: &mut dyn Write,
+) -> Result<ExitCode> {
+    fs::create_dir_all(directory).map_err(failed)?;
+    for index in 0..count {
+        let shot = dataset.shot(index).map_err(failed)?;
+        write_shot(directory, &format!("{index:06}"), &shot).map_err(failed)?;
+    }
+    if models {
+        let models = directory.join("models");
+        fs::create_dir_all(&models).map_err(failed)?;
+        write_models(&models).map_err(failed)?;
+    }
+    writeln!(out, "{count} images in {}", directory.display())?;
+    Ok(ExitCode::SUCCESS)
 }
 
 fn scene(args: &Args) -> Result<Scene> {

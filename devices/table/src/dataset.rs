@@ -5,12 +5,12 @@ use std::path::Path;
 
 use yarp_devices::kinematics::Joints;
 
-use crate::png_files::{OutputError, write_gray, write_image};
+use crate::png_files::{OutputError, write_image};
 use crate::random::hash;
 use crate::simulated_robot::{HandPosture, RobotPosture, frames};
 use crate::{
-    BrickKind, Camera, Depth, DepthNoise, Effects, Face, NoRoom, Placement, Random, Renderer,
-    Scene, Shot, arm_model, brick_face,
+    BrickKind, Effects, Face, NoRoom, Placement, Random, Renderer, Scene, Shot, arm_model,
+    brick_face,
 };
 
 /// Postures tried before an image goes without the arm.
@@ -97,19 +97,6 @@ impl Dataset {
         Ok(shot)
     }
 
-    /// Renders what the depth sensor measures while the image of the same number is taken.
-    ///
-    /// Errors: [`NoRoom`].
-    pub fn depth(&self, index: u64) -> Result<Depth, NoRoom> {
-        let (scene, effects) = self.scene(index)?;
-        let noise = DepthNoise {
-            seed: effects.seed,
-            ..DepthNoise::default()
-        };
-        let camera = scene.depth_camera();
-        Ok(self.renderer.depth(&scene, &camera, &noise))
-    }
-
     fn seed_of(&self, index: u64) -> u64 {
         hash(self.seed ^ hash(index))
     }
@@ -122,64 +109,6 @@ pub fn write_shot(directory: &Path, name: &str, shot: &Shot) -> Result<(), Outpu
     write_image(&directory.join(format!("{name}.png")), &shot.image)?;
     let path = directory.join(format!("{name}.xml"));
     fs::write(&path, shot.truth.to_xml()).map_err(OutputError::file(&path))
-}
-
-/// Writes a depth image into a folder, as `NAME-depth.png`: 16 bits, mm, 0 where nothing was measured.
-///
-/// Errors: [`OutputError`].
-pub fn write_depth(directory: &Path, name: &str, depth: &Depth) -> Result<(), OutputError> {
-    let millimetres = depth.metres.iter().map(|metres| metres * 1e3);
-    // Depths beyond 65.5 m do not occur on a table; they end at the largest value.
-    let values: Vec<u16> = millimetres.map(|value| value.round() as u16).collect();
-    write_gray(
-        &directory.join(format!("{name}-depth.png")),
-        depth.width,
-        &values,
-    )
-}
-
-/// Writes the calibrations of the overhead camera and of the depth sensor into a folder, as `camera.yml` and
-/// `depth-camera.yml` in OpenCV's format: exact, as no calibration is.
-///
-/// Errors: [`OutputError`].
-pub fn write_calibrations(directory: &Path) -> Result<(), OutputError> {
-    let scene = Scene::empty();
-    for (name, camera) in [
-        ("camera.yml", scene.camera()),
-        ("depth-camera.yml", scene.depth_camera()),
-    ] {
-        let path = directory.join(name);
-        fs::write(&path, calibration_yaml(&camera)).map_err(OutputError::file(&path))?;
-    }
-    Ok(())
-}
-
-/// Returns a camera as a calibration file with the names of OpenCV's sample and of the thesis. The board is none that was
-/// seen: readers expect one.
-fn calibration_yaml(camera: &Camera) -> String {
-    let lens = &camera.lens;
-    let ([fx, fy], [cx, cy]) = (lens.focal, lens.centre);
-    let matrix = |name: &str, columns: usize, values: &[f64]| {
-        let rows = values.len() / columns;
-        let data: Vec<String> = values.iter().map(|value| format!("{value:?}")).collect();
-        let data = data.join(", ");
-        format!(
-            "{name}: !!opencv-matrix\n   rows: {rows}\n   cols: {columns}\n   dt: d\n   data: [ {data} ]\n"
-        )
-    };
-    let homogeneous = |pose: &crate::Pose| pose.to_homogeneous().transpose().as_slice().to_vec();
-    let (width, height) = (lens.width, lens.height);
-    let mut text = format!("%YAML:1.0\n---\nimage_width: {width}\nimage_height: {height}\n");
-    text += "board_width: 9\nboard_height: 6\nsquare_size: 0.02\navg_reprojection_error: 0.\n";
-    text += &matrix(
-        "camera_matrix",
-        3,
-        &[fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0],
-    );
-    text += &matrix("distortion_coefficients", 1, &lens.distortion);
-    text += &matrix("Hcam2world", 4, &homogeneous(&camera.pose));
-    text += &matrix("Hgrid2hand", 4, &homogeneous(&crate::Pose::identity()));
-    text
 }
 
 /// Writes the print of each carton into a folder, as `KIND-FACE.png`: models for a recogniser, 3 pixels per mm; and

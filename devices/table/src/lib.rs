@@ -50,9 +50,7 @@ mod truth;
 pub use yarp_devices::kinematics::Pose;
 
 pub use bricks::{BrickKind, Face};
-pub use dataset::{
-    Dataset, DatasetOptions, objects_xml, write_calibrations, write_depth, write_models, write_shot,
-};
+pub use dataset::{Dataset, DatasetOptions, objects_xml, write_models, write_shot};
 pub use lighting::{Effects, Lamp, Lighting};
 #[cfg(unix)]
 pub use live::{DEPTH_FROM, DEPTH_STEP, LiveOptions, LiveTable, TableCamera, TableStatistics};
