@@ -1,4 +1,7 @@
 //! Projection of a point into an image: pinhole, lens distortion, and the inverse.
+//!
+//! The simulated camera in `yarp-table` (`table_camera.rs`) has a projection of its own on purpose: client and simulator share no
+//! code, so that an error in one of them shows as a wrong position instead of cancelling out.
 
 use nalgebra::{Point3, Vector3};
 

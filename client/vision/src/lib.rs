@@ -4,6 +4,7 @@
 //! | --- | --- |
 //! | [`calibration`] | intrinsic parameters, pose of a camera relative to an arm |
 //! | `intrinsics` | [`Intrinsics`]: focal length, principal point and lens distortion of a camera |
+//! | `circle_fit` | circle through points in the plane |
 //! | `mat` | conversion between our images and OpenCV's, used inside this crate only |
 //! | `detector/` | [`Detector`]: a table's objects with poses, by colour and depth |
 //! | `depth` | [`DepthImage`] |
@@ -20,6 +21,7 @@
 
 mod back_projection;
 pub mod calibration;
+mod circle_fit;
 mod depth;
 pub mod detector;
 mod error;

@@ -14,11 +14,12 @@ use yarp_devices::kinematics::Joints;
 use yarp_nameserver::{Server, ServerOptions};
 use yarp_planning::Obstacle;
 use yarp_table::{LiveOptions, LiveTable, MountedBoard, SURFACE, Scene, Shape};
+use yarp_vision::Pose;
 use yarp_vision::calibration::{
     CalibrationError, HandEye, Pattern, Session, SessionOptions, SolveOptions, View, calibrate,
     table_obstacle,
 };
-use yarp_vision::{CameraModel, Intrinsics, Pose};
+use yarp_vision::simulated::camera_model;
 
 fn pattern() -> Pattern {
     Pattern::new(9, 6, 0.02).unwrap()
@@ -27,17 +28,8 @@ fn pattern() -> Pattern {
 /// The pattern stands on the palm, in the plane of the hand's y and z.
 fn guess(camera: &yarp_table::Camera) -> HandEye {
     let held = Matrix3::new(0.0, 0.0, -1.0, 1.0, 0.0, 0.0, 0.0, -1.0, 0.0);
-    let lens = camera.lens;
     HandEye {
-        camera: CameraModel {
-            intrinsics: Intrinsics {
-                size: [lens.width, lens.height],
-                focal: lens.focal,
-                centre: lens.centre,
-                distortion: lens.distortion,
-            },
-            pose: camera.pose,
-        },
+        camera: camera_model(camera),
         grid_to_hand: Pose::from_parts(
             Vector3::new(0.0, -0.08, 0.28).into(),
             Rotation3::from_matrix_unchecked(held),

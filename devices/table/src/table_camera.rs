@@ -1,4 +1,7 @@
 //! Projection of a point of the scene into the image: pinhole, lens distortion, and the inverse.
+//!
+//! `yarp-vision` (`intrinsics.rs`) has a projection of its own on purpose: client and simulator share no code, so that an error in
+//! one of them shows as a wrong position instead of cancelling out.
 
 use nalgebra::{Matrix3, Point3, Rotation3, Translation3, Vector3};
 

@@ -11,6 +11,8 @@ use crate::{Image, Result, VisionError};
 const MAX_KINDS: usize = 1000;
 /// Maximum number of printed faces of a kind.
 const MAX_FACES: usize = 6;
+/// Largest difference between a measured and a listed height, m.
+pub(super) const HEIGHT_TOLERANCE: f64 = 0.004;
 
 /// Upper face of a kind of objects, m; ranges are smallest and largest.
 #[derive(Clone, Debug, PartialEq)]
@@ -48,6 +50,14 @@ pub struct ObjectKind {
     pub face: KindFace,
     /// Smallest and largest height, m.
     pub height: [f64; 2],
+}
+
+impl ObjectKind {
+    /// Returns whether objects of this kind may have a measured height, m.
+    pub fn has_height(&self, height: f64) -> bool {
+        let [low, high] = self.height;
+        (low - HEIGHT_TOLERANCE..=high + HEIGHT_TOLERANCE).contains(&height)
+    }
 }
 
 /// Kinds of objects that a detector knows.

@@ -6,24 +6,21 @@ use nalgebra::Point3;
 use opencv::core::Mat;
 
 use super::height_map::Face;
-use super::outline::{self, Outline, RimPoint};
-use super::partial_polygon::{MIN_FREE, PartialPolygon};
-use super::print_recognition::{PlanePart, Print, RectifiedFace};
+use super::outline::{self, Outline};
+use super::partial_polygon::MIN_FREE;
+use super::print_recognition::{Print, RectifiedFace};
 use super::sight::DepthView;
 use super::{
     DetectorParameters, DetectorSetup, FoundObject, KindFace, ObjectDatabase, ObjectKind, refine,
 };
 use crate::{Detection, Elevation, Polygon, Result, Shape, VisionError};
 
-/// Largest difference between a measured and a listed size, and between heights, m.
+/// Largest difference between a measured and a listed size, m.
 const SIZE_TOLERANCE: f64 = 0.005;
-pub(super) const HEIGHT_TOLERANCE: f64 = 0.004;
 /// Largest distance of an outline beyond the border of the image, pixels.
 const BORDER_TOLERANCE: f64 = 2.0;
 /// Smallest free share of the places beyond each side of a face of which nothing is hidden.
 const MIN_WHOLE: f64 = 0.8;
-/// Distance around the visible part of a face in which a print is looked for, m: what the colour camera sees beyond it.
-const PRINT_MARGIN: f64 = 0.045;
 /// Threads that examine faces.
 const THREADS: usize = 2;
 
@@ -95,7 +92,7 @@ impl Examiner<'_> {
     }
 
     /// Returns the object with about this outline.
-    fn refined(
+    pub(super) fn refined(
         &self,
         image: &Mat,
         outline: &Outline,
@@ -117,123 +114,8 @@ impl Examiner<'_> {
         self.named(image, &outline, height, fill * support)
     }
 
-    /// Returns the object whose rectangle or triangle is hidden in part.
-    fn partial_polygon(
-        &self,
-        image: &Mat,
-        face: &Face,
-        rim: &[RimPoint],
-    ) -> Result<Option<FoundObject>> {
-        let top = self.setup.surface + face.height;
-        let gradient = self.parameters.gradient;
-        for sides in [4, 3] {
-            let fitted = PartialPolygon::fit(&face.points, rim, sides, face.height, &self.view);
-            let Some(mut polygon) = fitted else {
-                continue;
-            };
-            let Some(seen) = polygon.outline() else {
-                continue;
-            };
-            if !polygon.is_complete() {
-                let reach = self.largest_side(sides);
-                let camera = &self.setup.camera;
-                let around = refine::Surroundings::new(image, camera, &seen, top, reach, gradient)?;
-                let Some(around) = around else { continue };
-                let support = |ends, normal| {
-                    around.edges_along(ends, normal, |point| {
-                        self.view.is_covered_beyond(point, normal, face.height)
-                    })
-                };
-                if !polygon.complete(reach, &self.view, support) {
-                    continue;
-                }
-            }
-            let Some(outline) = polygon.outline() else {
-                continue;
-            };
-            if let Some(object) = self.refined(image, &outline, face.height, 1.0)?
-                && self.agrees(&object, face)
-            {
-                return Ok(Some(object));
-            }
-        }
-        Ok(None)
-    }
-
-    /// Returns the printed object of which the face shows a part: the print says where it ends.
-    fn partial_print(&self, image: &Mat, face: &Face) -> Result<Option<FoundObject>> {
-        let top = self.setup.surface + face.height;
-        let mut part = None;
-        let mut best: Option<(usize, [[f64; 2]; 4], usize)> = None;
-        for (index, kind) in self.database.kinds.iter().enumerate() {
-            let [low, high] = kind.height;
-            if !(low - HEIGHT_TOLERANCE..=high + HEIGHT_TOLERANCE).contains(&face.height) {
-                continue;
-            }
-            for print in &self.prints[index] {
-                if part.is_none() {
-                    let bounds = bounds(&face.points, PRINT_MARGIN);
-                    part = Some(PlanePart::new(image, &self.setup.camera, bounds, top)?);
-                }
-                let Some(part) = &part else { continue };
-                let mut print = print.lock().unwrap_or_else(PoisonError::into_inner);
-                if let Some((corners, inliers)) = part.place(&mut print, self.parameters.ratio)?
-                    && inliers >= self.parameters.min_inliers
-                    && best.is_none_or(|(.., most)| inliers > most)
-                {
-                    best = Some((index, corners, inliers));
-                }
-            }
-        }
-        let Some((index, corners, inliers)) = best else {
-            return Ok(None);
-        };
-        let outline = Outline::Polygon(corners.to_vec());
-        if !self.is_within_image(&outline, top) {
-            return Ok(None);
-        }
-        let lengths = sides(&corners);
-        let kind = self.database.kinds[index].name.clone();
-        let named = Named {
-            shape: Shape::Textured {
-                model: kind.clone(),
-            },
-            kind,
-            size: [lengths[0].max(lengths[1]), lengths[0].min(lengths[1])],
-            score: Some(inliers as f64),
-        };
-        let object = self.located(&outline, face.height, named, 1.0);
-        Ok(object.filter(|object| self.agrees(object, face)))
-    }
-
-    /// Returns the longest side of a polygon with this many sides that the database has, m.
-    fn largest_side(&self, sides: usize) -> f64 {
-        let longest = self.database.kinds.iter().map(|kind| match &kind.face {
-            KindFace::Rectangle { sides: [_, high] } if sides == 4 => *high,
-            KindFace::Printed {
-                sides: [_, high], ..
-            } if sides == 4 => *high,
-            KindFace::Triangle { sides: [_, high] } if sides == 3 => *high,
-            _ => 0.0,
-        });
-        longest.fold(0.0, f64::max)
-    }
-
-    /// Returns whether an outline contains the points of a face, and nothing that the depth image shows to be free.
-    fn agrees(&self, object: &FoundObject, face: &Face) -> bool {
-        let camera = &self.setup.camera;
-        let top = self.setup.surface + face.height;
-        let on_plane = |pixel: &[f64; 2]| -> Option<[f64; 2]> {
-            let point = camera.on_plane(*pixel, top)?;
-            Some([point.x, point.y])
-        };
-        let corners: Option<Vec<[f64; 2]>> =
-            object.detection.contour.iter().map(on_plane).collect();
-        corners.is_some_and(|corners| self.view.agrees(&corners, face))
-    }
-
     /// Returns whether an outline lies within the image: of one that does not, nobody knows where it ends.
-    fn is_within_image(&self, outline: &Outline, height: f64) -> bool {
+    pub(super) fn is_within_image(&self, outline: &Outline, height: f64) -> bool {
         let camera = &self.setup.camera;
         let size = camera.intrinsics.size;
         let inside = |pixel: &[f64; 2]| {
@@ -270,7 +152,7 @@ impl Examiner<'_> {
     }
 
     /// Returns the object with this outline and name.
-    fn located(
+    pub(super) fn located(
         &self,
         outline: &Outline,
         height: f64,
@@ -369,10 +251,7 @@ impl Examiner<'_> {
 
     /// Returns the first kind of this height whose upper face fits.
     fn kind_of(&self, height: f64, fits: impl Fn(&KindFace) -> bool) -> Option<String> {
-        let at_height = |kind: &&ObjectKind| {
-            let [low, high] = kind.height;
-            (low - HEIGHT_TOLERANCE..=high + HEIGHT_TOLERANCE).contains(&height)
-        };
+        let at_height = |kind: &&ObjectKind| kind.has_height(height);
         let mut kinds = self.database.kinds.iter().filter(at_height);
         let kind = kinds.find(|kind| fits(&kind.face))?;
         Some(kind.name.clone())
@@ -402,10 +281,8 @@ impl Examiner<'_> {
                 continue;
             };
             let near = |one: f64, other: f64| (one - other).abs() <= 2.0 * SIZE_TOLERANCE;
-            let fits = near(size[0], listed[0])
-                && near(size[1], listed[1])
-                && height >= kind.height[0] - HEIGHT_TOLERANCE
-                && height <= kind.height[1] + HEIGHT_TOLERANCE;
+            let fits =
+                near(size[0], listed[0]) && near(size[1], listed[1]) && kind.has_height(height);
             if !fits || contour.len() != 4 {
                 continue;
             }
@@ -427,32 +304,21 @@ impl Examiner<'_> {
 }
 
 /// Kind, shape and size of an outline.
-struct Named {
-    kind: String,
-    shape: Shape,
+pub(super) struct Named {
+    pub(super) kind: String,
+    pub(super) shape: Shape,
     /// Longer and shorter side or twice the diameter, m.
-    size: [f64; 2],
+    pub(super) size: [f64; 2],
     /// Score that replaces that of the outline.
-    score: Option<f64>,
+    pub(super) score: Option<f64>,
 }
 
 fn fits(value: f64, [low, high]: [f64; 2]) -> bool {
     (low - SIZE_TOLERANCE..=high + SIZE_TOLERANCE).contains(&value)
 }
 
-/// Returns the smallest and largest x and y of points, with a margin.
-fn bounds(points: &[[f64; 2]], margin: f64) -> [[f64; 2]; 2] {
-    let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
-    for point in points {
-        for axis in 0..2 {
-            low[axis] = low[axis].min(point[axis] - margin);
-            high[axis] = high[axis].max(point[axis] + margin);
-        }
-    }
-    [low, high]
-}
-
-fn sides(corners: &[[f64; 2]]) -> Vec<f64> {
+/// Returns the lengths of the sides of a polygon.
+pub(super) fn sides(corners: &[[f64; 2]]) -> Vec<f64> {
     let ends = |index: usize| (corners[index], corners[(index + 1) % corners.len()]);
     (0..corners.len())
         .map(ends)

@@ -7,6 +7,7 @@
 //! | `examine` | from a face to a named object |
 //! | `height_map` | heights above the table, connected faces |
 //! | `outline` | circle, rectangle or triangle through the points of a face |
+//! | `partial_faces` | from a face of which something hides a part to a named object |
 //! | `partial_polygon` | rectangles and triangles of which something hides a part |
 //! | `sight` | places that the depth sensor sees free, or does not see |
 //! | `refine` | outlines moved onto the edges of the colour image |
@@ -16,6 +17,7 @@ mod database;
 mod examine;
 mod height_map;
 mod outline;
+mod partial_faces;
 mod partial_polygon;
 mod print_recognition;
 mod refine;
@@ -31,7 +33,8 @@ use crate::{
     CameraModel, DepthImage, Detection, Image, ModelDatabase, ObjectPose, Recogniser,
     RecogniserParameters, Result, Shape, VisionError, mat, recognition,
 };
-use examine::{Examiner, HEIGHT_TOLERANCE};
+use database::HEIGHT_TOLERANCE;
+use examine::Examiner;
 use height_map::{DepthRays, FaceLimits, HeightMap};
 use print_recognition::Print;
 use sight::DepthView;

@@ -1,10 +1,10 @@
 //! Outlines of faces in the plane of the table: circles, rectangles, triangles through measured points.
 
-use nalgebra::{Matrix3, Vector3};
 use opencv::core::{Point2f, RotatedRect, Vector};
 use opencv::imgproc;
 
 use super::height_map::Face;
+use crate::circle_fit::{circle_through, mean};
 use crate::object_shape::polygon_area;
 
 /// Directions from the middle of a face in which its farthest point is looked for.
@@ -155,30 +155,4 @@ fn circle(rim: &[[f64; 2]]) -> Option<(Outline, f64)> {
     let share = supporters as f64 / rim.len() as f64;
     let (centre, radius) = refined;
     Some((Outline::Circle { centre, radius }, share))
-}
-
-/// Returns centre and radius of the circle through points in the least squares sense (Kåsa 1976).
-pub(super) fn circle_through(points: &[[f64; 2]]) -> Option<([f64; 2], f64)> {
-    if points.len() < 3 {
-        return None;
-    }
-    let middle = mean(points);
-    let (mut matrix, mut vector) = (Matrix3::zeros(), Vector3::zeros());
-    for point in points {
-        let [x, y] = [point[0] - middle[0], point[1] - middle[1]];
-        let row = Vector3::new(x, y, 1.0);
-        matrix += row * row.transpose();
-        vector += row * (x * x + y * y);
-    }
-    let solution = matrix.lu().solve(&vector)?;
-    let (x, y) = (solution.x / 2.0, solution.y / 2.0);
-    let radius = (solution.z + x * x + y * y).sqrt();
-    radius
-        .is_finite()
-        .then_some(([middle[0] + x, middle[1] + y], radius))
-}
-
-pub(super) fn mean(points: &[[f64; 2]]) -> [f64; 2] {
-    let count = points.len().max(1) as f64;
-    [0, 1].map(|axis| points.iter().map(|point| point[axis]).sum::<f64>() / count)
 }

@@ -2,8 +2,9 @@
 
 use std::f64::consts::TAU;
 
-use super::outline::{Outline, RimPoint, mean};
+use super::outline::{Outline, RimPoint};
 use super::sight::{DepthView, Sight};
+use crate::circle_fit::mean;
 
 /// Largest distance of a rim point from its side, m.
 const SIDE_REACH: f64 = 0.002;

@@ -5,8 +5,9 @@ use std::f64::consts::TAU;
 use nalgebra::Point3;
 use opencv::core::{Mat, MatTraitConst, Rect};
 
-use super::outline::{Outline, circle_through, mean};
+use super::outline::Outline;
 use super::partial_polygon::EdgeSupport;
+use crate::circle_fit::{circle_through, mean};
 use crate::recognition::Edges;
 use crate::{CameraModel, Result, VisionError};
 

@@ -5,8 +5,9 @@ use std::sync::OnceLock;
 use nalgebra::Point3;
 
 use super::height_map::{Cloud, Face};
-use super::outline::{Outline, mean};
+use super::outline::Outline;
 use crate::CameraModel;
+use crate::circle_fit::mean;
 
 /// Largest difference between the height of a face and of a measured point of it, m.
 const SAME_HEIGHT: f32 = 0.007;

@@ -2,11 +2,11 @@
 
 use std::f64::consts::TAU;
 
-use nalgebra::{Matrix3, Vector3};
 use opencv::core::{Mat, Size, Vec3f, Vector};
 use opencv::imgproc;
 
 use super::edges::Edges;
+use crate::circle_fit::circle_through;
 use crate::{Detection, Result, Shape, VisionError};
 
 /// Points of an outline that are compared with edges.
@@ -162,27 +162,8 @@ fn fit(edges: &Edges, mut circle: Circle, parameters: &CircleParameters) -> Opti
         if support < 0.3 {
             return None;
         }
-        circle = least_squares(&points)?;
+        let (centre, radius) = circle_through(&points)?;
+        circle = Circle { centre, radius };
     }
     Some((circle, support))
-}
-
-/// Returns the circle through points in the least squares sense (Kåsa 1976).
-fn least_squares(points: &[[f64; 2]]) -> Option<Circle> {
-    let count = points.len() as f64;
-    let mean = [0, 1].map(|axis| points.iter().map(|point| point[axis]).sum::<f64>() / count);
-    let (mut matrix, mut vector) = (Matrix3::zeros(), Vector3::zeros());
-    for point in points {
-        let [x, y] = [point[0] - mean[0], point[1] - mean[1]];
-        let row = Vector3::new(x, y, 1.0);
-        matrix += row * row.transpose();
-        vector += row * (x * x + y * y);
-    }
-    let solution = matrix.lu().solve(&vector)?;
-    let (x, y) = (solution.x / 2.0, solution.y / 2.0);
-    let radius = (solution.z + x * x + y * y).sqrt();
-    radius.is_finite().then_some(Circle {
-        centre: [mean[0] + x, mean[1] + y],
-        radius,
-    })
 }

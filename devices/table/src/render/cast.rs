@@ -4,15 +4,14 @@ use std::sync::Mutex;
 
 use nalgebra::Matrix3;
 
-use super::light::Light;
+use super::light::{Bound, Light};
 use super::primitive::{Hit, Primitive, Vector};
+use super::tile::{self, Casters, Directions, Frustum, Sights, TILE};
 use super::{THREADS, next, work};
 use crate::table_scene::{Scene, Table};
 use crate::texture::Wood;
 use crate::{Camera, Lens};
 
-/// Side of the squares for which the solids in sight are listed, pixels.
-const TILE: usize = 16;
 /// Depth of the room's floor below the table, m, and its linear reflectance.
 const FLOOR: f32 = 0.75;
 const FLOOR_COLOUR: [f32; 3] = [0.18, 0.18, 0.19];
@@ -25,6 +24,8 @@ const DEEPEST: usize = 3;
 pub(super) struct Rays {
     pub(super) lens: Lens,
     places: Vec<[f32; 2]>,
+    /// Directions of each tile, row after row.
+    tiles: Vec<Directions>,
 }
 
 impl Rays {
@@ -39,11 +40,15 @@ impl Rays {
                 }
             }
         });
-        Self { lens, places }
+        Self {
+            lens,
+            tiles: tile::directions(&places, lens.width, lens.focal),
+            places,
+        }
     }
 
     /// Direction of a place beside a pixel, in pixels: from the pixel and its neighbours.
-    fn at(&self, column: usize, row: usize, right: f32, down: f32) -> [f32; 2] {
+    pub(super) fn at(&self, column: usize, row: usize, right: f32, down: f32) -> [f32; 2] {
         let here = row * self.lens.width + column;
         let place = self.places[here];
         if right == 0.0 && down == 0.0 {
@@ -105,6 +110,8 @@ pub(super) struct Caster<'a> {
     height: f32,
     /// First and last column and row that show something of a solid.
     boxes: Vec<[usize; 4]>,
+    /// Spheres that contain each solid.
+    bounds: Vec<Bound>,
 }
 
 struct Seen {
@@ -125,7 +132,11 @@ impl<'a> Caster<'a> {
         let rotation: Matrix3<f32> = camera.pose.rotation.matrix().cast();
         let eye = camera.pose.translation.vector;
         Self {
-            boxes: all.iter().map(|solid| on_image(solid, camera)).collect(),
+            boxes: all
+                .iter()
+                .map(|solid| tile::on_image(solid, camera))
+                .collect(),
+            bounds: all.iter().map(Bound::new).collect(),
             all,
             rays,
             light,
@@ -154,20 +165,40 @@ impl<'a> Caster<'a> {
         let totals = Mutex::new(&mut picture.whole);
         work(THREADS, || {
             let mut whole = vec![0; self.owners];
+            let mut sights = Sights::default();
             while let Some((number, ((light, keys), depth))) = next(&parts) {
                 let top = number * TILE;
                 for left in (0..width).step_by(TILE) {
                     let near = self.near(left, top);
-                    for row in top..(top + TILE).min(height) {
-                        for column in left..(left + TILE).min(width) {
-                            let place = (row - top) * width + column;
-                            let ray = self.rays.at(column, row, 0.0, 0.0);
-                            let pixel = (row * width + column) as u64;
-                            let seen = self.see(ray, &near, pixel, Some(&mut whole));
-                            light[place] = seen.light;
-                            keys[place] = seen.key;
-                            depth[place] = seen.depth;
+                    let columns = left..(left + TILE).min(width);
+                    let rows = top..(top + TILE).min(height);
+                    if near.is_empty() {
+                        for row in rows {
+                            for column in columns.clone() {
+                                let place = (row - top) * width + column;
+                                let ray = self.rays.at(column, row, 0.0, 0.0);
+                                let direction = self.rotation * Vector::new(ray[0], ray[1], 1.0);
+                                (depth[place], light[place]) = self.ground(&direction);
+                            }
                         }
+                        continue;
+                    }
+                    sights.clear();
+                    for row in rows.clone() {
+                        for column in columns.clone() {
+                            let ray = self.rays.at(column, row, 0.0, 0.0);
+                            self.meet(ray, &near, Some(&mut whole), &mut sights);
+                        }
+                    }
+                    let casters = self.casters(&sights);
+                    let pixels = rows.flat_map(|row| columns.clone().map(move |c| (row, c)));
+                    for ((row, column), (direction, hits)) in pixels.zip(sights.iter()) {
+                        let place = (row - top) * width + column;
+                        let pixel = (row * width + column) as u64;
+                        let seen = self.see(direction, hits, &casters, pixel, true);
+                        light[place] = seen.light;
+                        keys[place] = seen.key;
+                        depth[place] = seen.depth;
                     }
                 }
             }
@@ -188,6 +219,8 @@ impl<'a> Caster<'a> {
         let keys = &picture.keys;
         let bands = Mutex::new(picture.light.chunks_mut(width * TILE).enumerate());
         work(THREADS, || {
+            let (mut sights, mut edges) = (Sights::default(), Vec::new());
+            let mut few = Vec::new();
             while let Some((number, light)) = next(&bands) {
                 let top = number * TILE;
                 for left in (0..width).step_by(TILE) {
@@ -197,31 +230,59 @@ impl<'a> Caster<'a> {
                     }
                     let clear = |index: &usize| self.all[*index].opacity < 1.0;
                     let clear: Vec<usize> = near.iter().copied().filter(clear).collect();
-                    let mut few = Vec::new();
+                    sights.clear();
+                    edges.clear();
                     for row in top..(top + TILE).min(height) {
                         for column in left..(left + TILE).min(width) {
                             if is_edge(keys, width, height, column, row) {
-                                let place = (row - top) * width + column;
                                 few.clone_from(&clear);
                                 add_around(&mut few, keys, [width, height], column, row);
-                                light[place] = self.mean(column, row, finer, &few);
+                                self.meet_within(column, row, finer, &few, &mut sights);
+                                edges.push((column, row));
                             }
                         }
+                    }
+                    let casters = self.casters(&sights);
+                    let mut sights = sights.iter();
+                    for &(column, row) in &edges {
+                        let first = (row * width + column) as u64;
+                        let place = (row - top) * width + column;
+                        light[place] = self.mean(&mut sights, finer, &casters, first);
                     }
                 }
             }
         });
     }
 
-    fn mean(&self, column: usize, row: usize, finer: usize, near: &[usize]) -> [f32; 3] {
-        let mut sum = [0.0; 3];
+    /// Meets what the rays of one pixel show, `finer` along each side.
+    fn meet_within(
+        &self,
+        column: usize,
+        row: usize,
+        finer: usize,
+        near: &[usize],
+        sights: &mut Sights,
+    ) {
+        let offset = |step: usize| (step as f32 + 0.5) / finer as f32 - 0.5;
         for part in 0..finer * finer {
-            let offset = |step: usize| (step as f32 + 0.5) / finer as f32 - 0.5;
-            let ray = self
-                .rays
-                .at(column, row, offset(part % finer), offset(part / finer));
-            let pixel = (row * self.rays.lens.width + column + part) as u64;
-            let seen = self.see(ray, near, pixel, None);
+            let (right, down) = (offset(part % finer), offset(part / finer));
+            let ray = self.rays.at(column, row, right, down);
+            self.meet(ray, near, None, sights);
+        }
+    }
+
+    /// Returns the mean light of the next rays, those of one pixel.
+    fn mean<'s>(
+        &self,
+        sights: &mut impl Iterator<Item = (&'s Vector, &'s [(usize, Hit)])>,
+        finer: usize,
+        casters: &Casters,
+        pixel: u64,
+    ) -> [f32; 3] {
+        let mut sum = [0.0; 3];
+        let rays = sights.take(finer * finer);
+        for (part, (direction, hits)) in rays.enumerate() {
+            let seen = self.see(direction, hits, casters, pixel + part as u64, false);
             for (sum, light) in sum.iter_mut().zip(seen.light) {
                 *sum += light;
             }
@@ -230,28 +291,35 @@ impl<'a> Caster<'a> {
     }
 
     /// The solids that a tile may show.
-    fn near(&self, left: usize, top: usize) -> Vec<usize> {
+    pub(super) fn near(&self, left: usize, top: usize) -> Vec<usize> {
         let [right, bottom] = [left + TILE, top + TILE];
+        let number = top / TILE * self.rays.lens.width.div_ceil(TILE) + left / TILE;
+        let frustum = Frustum::new(self.rays.tiles[number], &self.rotation);
         (0..self.all.len())
             .filter(|&index| {
                 let [first, last, upper, lower] = self.boxes[index];
-                first < right && last >= left && upper < bottom && lower >= top
+                first < right
+                    && last >= left
+                    && upper < bottom
+                    && lower >= top
+                    && frustum.may_show(&self.all[index])
             })
             .collect()
     }
 
-    fn see(
+    /// Adds a ray and the surfaces that it meets.
+    pub(super) fn meet(
         &self,
         ray: [f32; 2],
         near: &[usize],
-        pixel: u64,
         mut whole: Option<&mut Vec<usize>>,
-    ) -> Seen {
+        sights: &mut Sights,
+    ) {
         let direction = self.rotation * Vector::new(ray[0], ray[1], 1.0);
         let mut hits: [Option<(usize, Hit)>; DEEPEST] = [None; DEEPEST];
         for &index in near {
             let solid = &self.all[index];
-            let Some(hit) = solid.meet(&Vector::zeros(), &direction) else {
+            let Some(hit) = solid.meet_from_eye(&direction) else {
                 continue;
             };
             if let (Some(whole), Some(owner)) = (&mut whole, solid.owner) {
@@ -259,14 +327,33 @@ impl<'a> Caster<'a> {
             }
             insert(&mut hits, index, hit);
         }
+        sights.push(direction, hits.into_iter().flatten());
+    }
+
+    pub(super) fn casters(&self, sights: &Sights) -> Casters {
+        match self.light {
+            Some(light) => sights.casters(self.all, &self.bounds, light),
+            None => Casters::default(),
+        }
+    }
+
+    /// Returns what a ray sees; `alone` if it is the only one through its pixel.
+    fn see(
+        &self,
+        direction: &Vector,
+        hits: &[(usize, Hit)],
+        casters: &Casters,
+        pixel: u64,
+        alone: bool,
+    ) -> Seen {
         let mut seen = Seen {
             key: NOTHING,
             depth: 0.0,
             light: [0.0; 3],
         };
         let mut left = 1.0;
-        for (index, hit) in hits.into_iter().flatten() {
-            if self.is_under_table(&direction, hit.distance) {
+        for &(index, hit) in hits {
+            if self.is_under_table(direction, hit.distance) {
                 break;
             }
             if seen.depth == 0.0 {
@@ -274,7 +361,7 @@ impl<'a> Caster<'a> {
                 seen.key = key_of(index, hit.face);
             }
             let opacity = self.all[index].opacity;
-            let light = self.shade(index, &hit, &direction, pixel, whole.is_some());
+            let light = self.shade((index, &hit), direction, casters, pixel, alone);
             for (sum, light) in seen.light.iter_mut().zip(light) {
                 *sum += left * opacity * light;
             }
@@ -283,7 +370,7 @@ impl<'a> Caster<'a> {
                 return seen;
             }
         }
-        let (distance, light) = self.ground(&direction);
+        let (distance, light) = self.ground(direction);
         if seen.depth == 0.0 {
             seen.depth = distance;
         }
@@ -337,12 +424,11 @@ impl<'a> Caster<'a> {
         (distance, light(FLOOR_COLOUR, irradiance, lamps.tint()))
     }
 
-    /// `alone`: whether it is the only ray through its pixel.
     fn shade(
         &self,
-        index: usize,
-        hit: &Hit,
+        (index, hit): (usize, &Hit),
         direction: &Vector,
+        casters: &Casters,
         pixel: u64,
         alone: bool,
     ) -> [f32; 3] {
@@ -354,8 +440,9 @@ impl<'a> Caster<'a> {
         let surface = solid.material.at(hit, &solid.solid.half_extent(), wide);
         let place = direction * hit.distance;
         let normal = solid.rotation * surface.normal;
-        let (diffuse, highlight) =
-            lamps.on_solid(index, self.all, &place, &normal, [pixel, u64::from(alone)]);
+        let casters = casters.on(index);
+        let ray = [pixel, u64::from(alone)];
+        let (diffuse, highlight) = lamps.on_solid(casters, self.all, &place, &normal, ray);
         let tint = lamps.tint();
         std::array::from_fn(|channel| {
             (surface.colour[channel] * diffuse + surface.gloss * highlight) * tint[channel]
@@ -403,51 +490,4 @@ fn is_edge(keys: &[u32], width: usize, height: usize, column: usize, row: usize)
         || (column + 1 < width && keys[here + 1] != key)
         || (row > 0 && keys[here - width] != key)
         || (row + 1 < height && keys[here + width] != key)
-}
-
-/// First and last column, first and last row that may show a solid; none for one behind the camera.
-fn on_image(solid: &Primitive, camera: &Camera) -> [usize; 4] {
-    /// Maximum shift of the bounding box of the corners by lens distortion, pixels.
-    const MARGIN: f64 = 4.0;
-    let lens = &camera.lens;
-    let all = [0, lens.width - 1, 0, lens.height - 1];
-    let mut low = [f64::INFINITY; 2];
-    let mut high = [f64::NEG_INFINITY; 2];
-    let mut behind = 0;
-    for corner in solid.corners() {
-        let local = camera.pose.rotation.inverse() * corner.cast::<f64>();
-        if local.z < 0.02 {
-            behind += 1;
-            continue;
-        }
-        let ideal = [local.x / local.z, local.y / local.z];
-        // Far outside, the polynomial of the distortion means nothing.
-        let limit = 1.5 * (lens.width as f64 / lens.focal[0]);
-        let place = lens.distort(ideal.map(|value| value.clamp(-limit, limit)));
-        for axis in 0..2 {
-            let pixel = place[axis] * lens.focal[axis] + lens.centre[axis];
-            low[axis] = low[axis].min(pixel);
-            high[axis] = high[axis].max(pixel);
-        }
-    }
-    match behind {
-        8 => [1, 0, 1, 0],
-        0 => {
-            let first = |value: f64| (value - MARGIN).max(0.0) as usize;
-            let last =
-                |value: f64, size: usize| ((value + MARGIN).max(-1.0) as i64).min(size as i64 - 1);
-            let right = last(high[0], lens.width);
-            let bottom = last(high[1], lens.height);
-            if high[0] + MARGIN < 0.0 || high[1] + MARGIN < 0.0 {
-                return [1, 0, 1, 0];
-            }
-            [
-                first(low[0]),
-                right.max(0) as usize,
-                first(low[1]),
-                bottom.max(0) as usize,
-            ]
-        }
-        _ => all,
-    }
 }

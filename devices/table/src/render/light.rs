@@ -14,6 +14,10 @@ const SAMPLES: usize = 8;
 const MIN_SAMPLES: usize = 4;
 /// Distance of the places at which light on the table is computed, m.
 const CELL: f32 = 0.002;
+/// Twice the distance from a surface at which rays to lamps start, m.
+const LIFT: f32 = 4e-4;
+/// Largest growth of a cone's radius per length: beyond it, the tip is nearly a sphere.
+const MAX_GROWTH: f32 = 0.95;
 /// Part of the ambient light that reaches a place that sees nothing of the sky.
 const BOUNCED: f32 = 0.25;
 
@@ -32,6 +36,66 @@ struct Source {
     centre: Vector,
     samples: [Vector; SAMPLES],
     power: f32,
+}
+
+/// Spheres that contain a solid together.
+pub(super) struct Bound {
+    middles: Vec<Vector>,
+    radius: f32,
+}
+
+impl Bound {
+    pub(super) fn new(solid: &Primitive) -> Self {
+        let (middles, radius) = solid.solid.spheres();
+        let place = |middle: Vector| solid.centre + solid.rotation * middle;
+        Self {
+            middles: middles.into_iter().map(place).collect(),
+            radius: radius + 1e-5,
+        }
+    }
+}
+
+/// Everything between a sphere and a lamp: the spheres from the one to the other whose radius changes evenly.
+struct Cone {
+    from: Vector,
+    radius: f32,
+    /// To the lamp.
+    direction: Vector,
+    length: f32,
+    /// Growth of the radius per length.
+    growth: f32,
+    /// Offset per distance from the axis at which a sphere comes nearest.
+    slant: f32,
+}
+
+impl Cone {
+    /// Returns the cone; `None` if one end contains the other.
+    fn new(from: &Vector, radius: f32, lamp: &Source) -> Option<Self> {
+        let to = lamp.centre - from;
+        let length = to.norm();
+        let spread = (lamp.samples[SAMPLES - 1] - lamp.centre).norm();
+        let growth = (spread - radius) / length;
+        (growth.abs() < MAX_GROWTH).then(|| Self {
+            from: *from,
+            radius,
+            direction: to / length,
+            length,
+            growth,
+            slant: growth / (1.0 - growth * growth).sqrt(),
+        })
+    }
+
+    /// Returns whether a solid may be in the way.
+    fn touches(&self, bound: &Bound) -> bool {
+        bound.middles.iter().any(|middle| {
+            let gap = middle - self.from;
+            let along = gap.dot(&self.direction);
+            let beside = (gap.norm_squared() - along * along).max(0.0).sqrt();
+            let nearest = (along + beside * self.slant).clamp(0.0, self.length);
+            let distance = beside.hypot(along - nearest);
+            distance <= self.radius + self.growth * nearest + bound.radius
+        })
+    }
 }
 
 /// Irradiance of the table.
@@ -96,11 +160,33 @@ impl Light {
         direct + self.ambient
     }
 
-    /// Irradiance of a place on a solid, and the light of its highlight; `pixel`: which ray, and 1 if it is the only one of
-    /// its pixel.
-    pub(super) fn on_solid(
+    /// Returns, for each lamp, which solids may cast its shadow on places of a solid that are within a sphere.
+    pub(super) fn casters(
         &self,
         index: usize,
+        bounds: &[Bound],
+        middle: &Vector,
+        radius: f32,
+    ) -> Vec<Vec<usize>> {
+        let of_lamp = |(lamp, blockers): (&Source, &Vec<Vec<usize>>)| {
+            let cone = Cone::new(middle, radius + LIFT, lamp);
+            let touches = |other: &usize| match &cone {
+                Some(cone) => cone.touches(&bounds[*other]),
+                None => true,
+            };
+            blockers[index].iter().copied().filter(touches).collect()
+        };
+        if !self.shadows {
+            return vec![Vec::new(); self.lamps.len()];
+        }
+        self.lamps.iter().zip(&self.blockers).map(of_lamp).collect()
+    }
+
+    /// Irradiance of a place on a solid, and the light of its highlight; `casters`: for each lamp, which solids may be in
+    /// the way; `pixel`: which ray, and 1 if it is the only one of its pixel.
+    pub(super) fn on_solid(
+        &self,
+        casters: &[Vec<usize>],
         all: &[Primitive],
         place: &Vector,
         normal: &Vector,
@@ -114,9 +200,9 @@ impl Light {
             if falls <= 0.0 {
                 continue;
             }
-            let blockers = &self.blockers[number][index];
-            let seen = if self.shadows && !blockers.is_empty() {
-                lamp.seen(blockers, all, place, normal, pixel)
+            let casters = &casters[number];
+            let seen = if self.shadows && !casters.is_empty() {
+                lamp.seen(casters, all, place, normal, pixel)
             } else {
                 1.0
             };
@@ -130,6 +216,29 @@ impl Light {
         (diffuse, highlight)
     }
 
+    /// Asserts that each solid that blocks a ray from a place on a solid to a lamp is listed; returns the number of such rays.
+    #[cfg(test)]
+    pub(super) fn check_casters(
+        &self,
+        index: usize,
+        casters: &[Vec<usize>],
+        all: &[Primitive],
+        place: &Vector,
+    ) -> usize {
+        let mut blocked = 0;
+        for (number, lamp) in self.lamps.iter().enumerate() {
+            for &other in &self.blockers[number][index] {
+                for sample in &lamp.samples {
+                    if all[other].blocks(place, &(sample - place), 1.0) {
+                        assert!(casters[number].contains(&other), "{index} {other}");
+                        blocked += 1;
+                    }
+                }
+            }
+        }
+        blocked
+    }
+
     fn fall_on_table(&mut self, all: &[Primitive]) {
         let mut light = std::mem::take(&mut self.table.light);
         let (plane, lamps) = (&self.table, &self.lamps);
@@ -138,6 +247,7 @@ impl Light {
             // Projected onto the disc, the sky weighs as its cosine.
             Vector::new(a, b, (1.0 - a * a - b * b).max(0.02).sqrt())
         });
+        let corners: Vec<[Vector; 8]> = all.iter().map(Primitive::corners).collect();
         let band = plane.columns * 16;
         let bands = Mutex::new(light.chunks_mut(band).enumerate());
         work(THREADS, || {
@@ -146,8 +256,10 @@ impl Light {
                 let last = (first + cells.len() / plane.columns).min(plane.rows);
                 let mut covered = vec![0_u16; cells.len()];
                 if self.shadows {
-                    for solid in all.iter().filter(|solid| solid.opacity >= 1.0) {
-                        plane.cover(&mut covered, [first, last], solid);
+                    for (solid, corners) in all.iter().zip(&corners) {
+                        if solid.opacity >= 1.0 {
+                            plane.cover(&mut covered, [first, last], solid, corners);
+                        }
                     }
                 }
                 let mut masks = covered.clone();
@@ -163,7 +275,7 @@ impl Light {
                                 plane.darken(
                                     masks,
                                     [first, last],
-                                    solid,
+                                    (solid, &corners[index]),
                                     &towards,
                                     is_place,
                                     sample,
@@ -255,7 +367,7 @@ impl Source {
         normal: &Vector,
         [pixel, alone]: [u64; 2],
     ) -> f32 {
-        let from = place + normal * 2e-4;
+        let from = place + normal * (LIFT / 2.0);
         let first = hash(pixel) as usize % (SAMPLES / MIN_SAMPLES);
         let is_free = |step: usize| {
             let sample = first + step * SAMPLES / MIN_SAMPLES;
@@ -264,9 +376,7 @@ impl Source {
                 let solid = &all[index];
                 solid.is_near(&from, &towards)
                     && !passes(solid, sample, index)
-                    && solid
-                        .meet(&from, &towards)
-                        .is_some_and(|hit| hit.distance < 1.0)
+                    && solid.blocks(&from, &towards, 1.0)
             })
         };
         // Mostly all samples agree: two that do are enough, and one where a pixel has several rays.
@@ -339,8 +449,7 @@ impl Plane {
     }
 
     /// Marks the cells on which a solid stands: nothing shines there, whatever the direction.
-    fn cover(&self, masks: &mut [u16], rows: [usize; 2], solid: &Primitive) {
-        let corners = solid.corners();
+    fn cover(&self, masks: &mut [u16], rows: [usize; 2], solid: &Primitive, corners: &[Vector; 8]) {
         let lowest = corners
             .iter()
             .map(|corner| corner.z)
@@ -348,8 +457,17 @@ impl Plane {
         if lowest > self.height + CELL {
             return;
         }
-        for row in rows[0]..rows[1] {
-            for column in 0..self.columns {
+        let [columns, rows_below] = [0, 1].map(|axis| {
+            let cell = |value: f32| ((value - self.origin[axis]) / CELL).max(0.0) as usize;
+            let (low, high) = (
+                solid.centre[axis] - solid.radius - CELL,
+                solid.centre[axis] + solid.radius + CELL,
+            );
+            cell(low)..cell(high) + 1
+        });
+        let (first, last) = (rows[0].max(rows_below.start), rows[1].min(rows_below.end));
+        for row in first..last {
+            for column in columns.start..columns.end.min(self.columns) {
                 let place = self.place(column, row);
                 let reach = (place - solid.centre).xy().norm_squared();
                 if reach < solid.radius * solid.radius && solid.is_over(&place) {
@@ -364,14 +482,14 @@ impl Plane {
         &self,
         masks: &mut [u16],
         rows: [usize; 2],
-        solid: &Primitive,
+        (solid, corners): (&Primitive, &[Vector; 8]),
         towards: &Vector,
         is_place: bool,
         sample: usize,
     ) {
         let mut low = [f32::INFINITY; 2];
         let mut high = [f32::NEG_INFINITY; 2];
-        for corner in solid.corners() {
+        for &corner in corners {
             let away = if is_place { corner - towards } else { -towards };
             // What is not above the table, or not below the lamp, casts no shadow that ends.
             if corner.z <= self.height {
@@ -403,11 +521,7 @@ impl Plane {
                 let place = self.place(column, row);
                 let to = if is_place { towards - place } else { *towards };
                 let most = if is_place { 1.0 } else { f32::INFINITY };
-                if *mask >> sample & 1 == 0
-                    && solid
-                        .meet(&place, &to)
-                        .is_some_and(|hit| hit.distance < most)
-                {
+                if *mask >> sample & 1 == 0 && solid.blocks(&place, &to, most) {
                     *mask |= 1 << sample;
                 }
             }

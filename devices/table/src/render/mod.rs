@@ -7,6 +7,7 @@
 //! | `material` | what a surface looks like there |
 //! | `light` | lamps and shadows |
 //! | `cast` | a ray through each pixel, more where a face ends |
+//! | `tile` | which solids a square of the image may show, and which may cast shadows there |
 //! | `film` | what lens and sensor add |
 
 mod cast;
@@ -15,6 +16,7 @@ mod light;
 mod material;
 mod primitive;
 mod scene_geometry;
+mod tile;
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;

@@ -32,6 +32,8 @@ pub(super) struct Primitive {
     pub(super) centre: Vector,
     /// Of a sphere about the centre that contains it.
     pub(super) radius: f32,
+    /// The camera in the frame of the solid.
+    pub(super) eye: Vector,
     /// Whose it is: an index into what the truth lists.
     pub(super) owner: Option<usize>,
     pub(super) material: Material,
@@ -52,14 +54,27 @@ pub(super) struct Hit {
     pub(super) face: u8,
 }
 
+/// Shortest distance at which a ray meets a solid, in lengths of its direction.
 const NEAR: f32 = 1e-4;
+/// Largest number of spheres that stand for a long solid.
+const MAX_SPHERES: f32 = 6.0;
 
 impl Primitive {
-    /// Meets a ray from `origin`, relative to the camera.
-    pub(super) fn meet(&self, origin: &Vector, direction: &Vector) -> Option<Hit> {
+    /// Meets a ray from the camera.
+    pub(super) fn meet_from_eye(&self, direction: &Vector) -> Option<Hit> {
+        self.solid.meet(&self.eye, &self.rotation.tr_mul(direction))
+    }
+
+    /// Returns whether a ray from `origin`, relative to the camera, meets it nearer than `limit` lengths of its direction.
+    pub(super) fn blocks(&self, origin: &Vector, direction: &Vector, limit: f32) -> bool {
         let from = self.rotation.tr_mul(&(origin - self.centre));
         let along = self.rotation.tr_mul(direction);
-        self.solid.meet(&from, &along)
+        self.solid.blocks(&from, &along, limit)
+    }
+
+    /// Returns the largest distance of its points along an axis, from the camera.
+    pub(super) fn farthest(&self, axis: &Vector) -> f32 {
+        self.centre.dot(axis) + self.solid.reach(&self.rotation.tr_mul(axis))
     }
 
     /// Returns whether the ray intersects the bounding sphere.
@@ -93,6 +108,44 @@ impl Solid {
         }
     }
 
+    /// Returns the largest distance of its points from its middle along an axis.
+    fn reach(&self, axis: &Vector) -> f32 {
+        match *self {
+            Self::Box(half) => half.dot(&axis.abs()),
+            Self::Prism(..) => self.half_extent().dot(&axis.abs()),
+            Self::Cylinder(radius, half) | Self::Cup(radius, _, half, _) => {
+                radius * axis.x.hypot(axis.y) + half * axis.z.abs()
+            }
+            Self::Capsule(radius, half) => radius * axis.norm() + half * axis.z.abs(),
+        }
+    }
+
+    /// Returns the middles of spheres in a row that contain it together, and their radius.
+    pub(super) fn spheres(&self) -> (Vec<Vector>, f32) {
+        let half = self.half_extent();
+        let axis = half.imax();
+        let (second, third) = (half[(axis + 1) % 3], half[(axis + 2) % 3]);
+        let count = (half[axis] / second.max(third))
+            .round()
+            .clamp(1.0, MAX_SPHERES);
+        let part = half[axis] / count;
+        let middle = |index: usize| {
+            let mut middle = Vector::zeros();
+            middle[axis] = (2 * index + 1) as f32 * part - half[axis];
+            middle
+        };
+        let across = match self {
+            Self::Box(_) | Self::Prism(..) => second.hypot(third),
+            // Round about z: no point is further from the axis than the radius.
+            _ if axis == 2 => second,
+            _ => second.hypot(third),
+        };
+        (
+            (0..count as usize).map(middle).collect(),
+            across.hypot(part),
+        )
+    }
+
     pub(super) fn meet(&self, from: &Vector, along: &Vector) -> Option<Hit> {
         match *self {
             Self::Box(half) => cuboid(&half, from, along),
@@ -102,8 +155,40 @@ impl Solid {
             Self::Capsule(radius, half) => capsule(radius, half, from, along),
         }
     }
+
+    /// Returns whether [`Self::meet`] has a hit nearer than the limit: without looking for the nearest.
+    fn blocks(&self, from: &Vector, along: &Vector, limit: f32) -> bool {
+        let is_before = |hit| is_before(hit, limit);
+        match *self {
+            Self::Box(half) => is_before(cuboid(&half, from, along)),
+            Self::Prism(side, half) => is_before(prism(side, half, from, along)),
+            Self::Cylinder(radius, half) => {
+                is_before(wall(radius, [-half, half], true, from, along))
+                    || is_before(ring(half, 0.0, radius, 1.0, from, along))
+                    || is_before(ring(-half, 0.0, radius, -1.0, from, along))
+            }
+            Self::Cup(outer, inner, half, bottom) => {
+                is_before(wall(outer, [-half, half], true, from, along))
+                    || is_before(wall(inner, [bottom - half, half], false, from, along))
+                    || is_before(ring(half, inner, outer, 1.0, from, along))
+                    || is_before(ring(bottom - half, 0.0, inner, 1.0, from, along))
+                    || is_before(ring(-half, 0.0, outer, -1.0, from, along))
+            }
+            Self::Capsule(radius, half) => {
+                is_before(wall(radius, [-half, half], true, from, along))
+                    || is_before(ball(radius, half, from, along))
+                    || is_before(ball(radius, -half, from, along))
+            }
+        }
+    }
 }
 
+/// Returns whether a face is met nearer than the limit.
+fn is_before(hit: Option<Hit>, limit: f32) -> bool {
+    hit.is_some_and(|hit| hit.distance < limit)
+}
+
+#[inline]
 fn cuboid(half: &Vector, from: &Vector, along: &Vector) -> Option<Hit> {
     let mut enter = f32::NEG_INFINITY;
     let mut leave = f32::INFINITY;
@@ -139,6 +224,7 @@ fn cuboid(half: &Vector, from: &Vector, along: &Vector) -> Option<Hit> {
 }
 
 /// Distances at which a ray meets an endless cylinder about z.
+#[inline]
 fn roots(radius: f32, from: &Vector, along: &Vector) -> Option<(f32, f32)> {
     let a = along.x * along.x + along.y * along.y;
     if a < 1e-12 {
@@ -156,6 +242,7 @@ fn roots(radius: f32, from: &Vector, along: &Vector) -> Option<(f32, f32)> {
 }
 
 /// The disc or ring at height z, seen from either side.
+#[inline]
 fn ring(z: f32, inner: f32, outer: f32, up: f32, from: &Vector, along: &Vector) -> Option<Hit> {
     // Only from the side it faces.
     if along.z * up >= 0.0 {
@@ -173,6 +260,7 @@ fn ring(z: f32, inner: f32, outer: f32, up: f32, from: &Vector, along: &Vector) 
 }
 
 /// The side of a cylinder, from outside or from inside.
+#[inline]
 fn wall(
     radius: f32,
     [low, high]: [f32; 2],
@@ -264,27 +352,33 @@ fn prism(side: f32, half: f32, from: &Vector, along: &Vector) -> Option<Hit> {
 }
 
 fn capsule(radius: f32, half: f32, from: &Vector, along: &Vector) -> Option<Hit> {
-    let side = wall(radius, [-half, half], true, from, along);
-    let ball = |z: f32| {
-        let to = from - Vector::new(0.0, 0.0, z);
-        let a = along.norm_squared();
-        let b = to.dot(along);
-        // From the nearest point of the ray, so that no digits are lost.
-        let beside = to - along * (b / a);
-        let root = a * (radius * radius - beside.norm_squared());
-        if root < 0.0 {
-            return None;
-        }
-        let distance = (-b - root.sqrt()) / a;
-        let place = from + along * distance;
-        (distance > NEAR).then(|| Hit {
-            distance,
-            normal: (place - Vector::new(0.0, 0.0, z)).normalize(),
-            place,
-            face: 0,
-        })
-    };
-    nearest([side, ball(half), ball(-half)])
+    nearest([
+        wall(radius, [-half, half], true, from, along),
+        ball(radius, half, from, along),
+        ball(radius, -half, from, along),
+    ])
+}
+
+/// A ball with its middle at height z.
+#[inline]
+fn ball(radius: f32, z: f32, from: &Vector, along: &Vector) -> Option<Hit> {
+    let to = from - Vector::new(0.0, 0.0, z);
+    let a = along.norm_squared();
+    let b = to.dot(along);
+    // From the nearest point of the ray, so that no digits are lost.
+    let beside = to - along * (b / a);
+    let root = a * (radius * radius - beside.norm_squared());
+    if root < 0.0 {
+        return None;
+    }
+    let distance = (-b - root.sqrt()) / a;
+    let place = from + along * distance;
+    (distance > NEAR).then(|| Hit {
+        distance,
+        normal: (place - Vector::new(0.0, 0.0, z)).normalize(),
+        place,
+        face: 0,
+    })
 }
 
 #[cfg(test)]
@@ -323,6 +417,44 @@ mod tests {
             assert!((hit.place.z - height).abs() < 1e-6, "{solid:?}");
             assert!((hit.normal.z - 1.0).abs() < 1e-6, "{solid:?}");
             assert!(down(solid, 0.3, 0.3).is_none(), "{solid:?}");
+        }
+    }
+
+    /// Points of each solid, from rays that meet it, are within its reach along any axis and in one of its spheres.
+    #[test]
+    fn bounds_contain_the_solids() {
+        let solids = [
+            Solid::Box(Vector::new(0.1, 0.02, 0.05)),
+            Solid::Cylinder(0.1, 0.02),
+            Solid::Cup(0.04, 0.037, 0.06, 0.004),
+            Solid::Prism(0.1, 0.03),
+            Solid::Capsule(0.02, 0.11),
+        ];
+        let mut random = crate::Random::new(1);
+        let mut vector = || Vector::from_fn(|_, _| random.between(-1.0, 1.0) as f32);
+        for solid in solids {
+            let (middles, radius) = solid.spheres();
+            let mut points = 0;
+            while points < 2000 {
+                let (from, target) = (vector().normalize(), vector() * 0.1);
+                let Some(hit) = solid.meet(&from, &(target - from)) else {
+                    continue;
+                };
+                points += 1;
+                for limit in [0.99, 1.01].map(|part| part * hit.distance) {
+                    let blocks = solid.blocks(&from, &(target - from), limit);
+                    assert_eq!(blocks, limit > hit.distance, "{solid:?} {:?}", hit.place);
+                }
+                let axis = vector();
+                let along = axis.dot(&hit.place);
+                assert!(
+                    along <= solid.reach(&axis) + 1e-6,
+                    "{solid:?} {:?}",
+                    hit.place
+                );
+                let inside = |middle: &Vector| (hit.place - middle).norm() <= radius + 1e-6;
+                assert!(middles.iter().any(inside), "{solid:?} {:?}", hit.place);
+            }
         }
     }
 

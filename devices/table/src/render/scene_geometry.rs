@@ -45,11 +45,13 @@ pub(super) fn primitives(scene: &Scene, camera: &Camera) -> Vec<Primitive> {
 
 impl Primitive {
     fn new(solid: Solid, pose: &Pose, eye: &Vector3<f64>, material: Material) -> Self {
-        let rotation: Matrix3<f64> = *pose.rotation.matrix();
+        let rotation: Matrix3<f32> = pose.rotation.matrix().cast();
+        let centre: Vector = (pose.translation.vector - eye).cast();
         Self {
             solid,
-            rotation: rotation.cast(),
-            centre: (pose.translation.vector - eye).cast(),
+            rotation,
+            centre,
+            eye: rotation.tr_mul(&-centre),
             radius: solid.half_extent().norm(),
             owner: None,
             material,

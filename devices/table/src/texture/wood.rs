@@ -69,7 +69,8 @@ impl Wood {
     }
 }
 
-/// Grey values that repeat in both directions; the grain is along the second.
+/// Grey values that repeat in both directions; the grain is along the second, as are neighbours in memory: rows of the overhead
+/// camera's image are.
 struct Grain(Vec<u8>);
 
 fn grain() -> &'static Grain {
@@ -80,7 +81,7 @@ fn grain() -> &'static Grain {
 impl Grain {
     fn new() -> Self {
         let texel = |index: usize| {
-            let (x, y) = (index % SIDE, index / SIDE);
+            let (x, y) = (index / SIDE, index % SIDE);
             let (u, v) = (x as f32 / SIDE as f32, y as f32 / SIDE as f32);
             let bend = noise(u, v, 3, 2, 1) * 0.35 + noise(u, v, 7, 3, 2) * 0.10;
             let rings = ((u * 6.0 + bend * 6.0) * std::f32::consts::TAU).sin() * 0.5 + 0.5;
@@ -102,7 +103,7 @@ impl Grain {
         let wrap = |value: i32| value as usize % SIDE;
         let (x1, y1) = (wrap(x0 + 1), wrap(y0 + 1));
         let (x0, y0) = (wrap(x0), wrap(y0));
-        let at = |x: usize, y: usize| f32::from(self.0[y * SIDE + x]);
+        let at = |x: usize, y: usize| f32::from(self.0[x * SIDE + y]);
         let upper = at(x0, y0) + (at(x1, y0) - at(x0, y0)) * a;
         let lower = at(x0, y1) + (at(x1, y1) - at(x0, y1)) * a;
         (upper + (lower - upper) * b) / 255.0
