@@ -142,6 +142,33 @@ fn the_output_of_a_command_goes_to_the_logger() {
 }
 
 #[test]
+fn a_long_line_is_sent_in_parts() {
+    let home = Home::new();
+    let _name_server = home.serve();
+    let mut logger = logger(&home);
+    let _server = home
+        .start("run --server /host --insecure")
+        .see("Yarprun successfully started on port:  /host");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_yarp"));
+    let shell = "sh -c \"printf %05000d 0; echo; echo end\"";
+    command.args(["run", "--on", "/host", "--as", "t", "--log", "--cmd", shell]);
+    home.spawn(command, "run").finish().with(0);
+    assert!(logger.sees("\"end\\n\""), "{:?}", logger.printed());
+    let printed = logger.printed();
+    let zeros = |line: &String| {
+        line.rsplit(' ')
+            .next()
+            .map_or(0, |text| text.matches('0').count())
+    };
+    let parts: Vec<usize> = printed
+        .iter()
+        .filter(|line| line.contains("/log/host/sh/") && line.contains("0000"))
+        .map(zeros)
+        .collect();
+    assert_eq!(parts, [2047, 2047, 906], "{printed:?}");
+}
+
+#[test]
 fn a_command_whose_logger_is_missing_or_reads_nothing_runs_on() {
     let home = Home::new();
     let _name_server = home.serve();
