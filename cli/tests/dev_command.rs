@@ -174,3 +174,29 @@ fn help_needs_no_network() {
     let ended = home.run("dev --device simulatedWam --name /wam").with(255);
     ended.complains("YARP network not available");
 }
+
+#[test]
+fn the_page_of_stock_plugins_agrees_with_the_list() {
+    let list = Home::new().run("dev --list").with(0);
+    let page = include_str!("../../docs/stock-plugins.md");
+    let devices = page.split("\n## ").find(|part| part.starts_with("Devices"));
+    let mut supported = 0;
+    for row in devices
+        .unwrap()
+        .lines()
+        .filter(|line| line.starts_with("| `"))
+    {
+        let mut cells = row.split('|').map(str::trim).skip(1);
+        let (name, state) = (
+            cells.next().unwrap().trim_matches('`'),
+            cells.next().unwrap(),
+        );
+        let line = list.out.iter().find(|line| {
+            line.contains(&format!("Device \"{name}\","))
+                || line.contains(&format!("also called {name}"))
+        });
+        assert_eq!(line.is_some(), state == "supported", "{name} is {state}");
+        supported += usize::from(state == "supported");
+    }
+    assert!(supported > 10, "{supported}");
+}

@@ -245,3 +245,29 @@ impl MakeWriter<'_> for Log {
         self.clone()
     }
 }
+
+#[test]
+fn the_limits_are_those_of_the_documentation() {
+    let page = include_str!("../../docs/network-time.md").replace('\n', " ");
+    let options = FollowOptions::new();
+    for (limit, text) in [
+        (
+            options.first_tick_timeout,
+            "After 30 s (`YARP_CLOCK_TIMEOUT`",
+        ),
+        (options.stall_limit, "**A clock that stands still** for 5 s"),
+        (options.check_interval, "(every 500 ms)"),
+    ] {
+        assert!(page.contains(text), "{text}");
+        let number: f64 = text
+            .split(|character: char| !character.is_ascii_digit())
+            .find_map(|digits| digits.parse().ok())
+            .unwrap();
+        let seconds = if text.contains(" ms") {
+            number / 1e3
+        } else {
+            number
+        };
+        assert_eq!(limit.as_secs_f64(), seconds, "{text}");
+    }
+}
