@@ -43,7 +43,7 @@ fn a_pose_is_stored_and_played() {
     words[2] = "500.0".to_owned();
     std::fs::write(file.to_string(), format!("{text}{}\n", words.join(" "))).unwrap();
     let refused = home.run(&format!("play {file}")).with(1);
-    assert!(refused.says("line 3: axis 0 at 500"), "{refused:?}");
+    refused.complains("line 3: axis 0 at 500");
     home.run(&format!("play {file} --speed 1.5")).with(2);
     up.signal("TERM").finish().with(0);
 }
