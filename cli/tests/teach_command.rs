@@ -44,6 +44,6 @@ fn a_pose_is_stored_and_played() {
     std::fs::write(file.to_string(), format!("{text}{}\n", words.join(" "))).unwrap();
     let refused = home.run(&format!("play {file}")).with(1);
     refused.complains("line 3: axis 0 at 500");
-    home.run(&format!("play {file} --speed 1.5")).with(2);
+    home.run(&format!("play {file} --speed 1.5")).with(1);
     up.signal("TERM").finish().with(0);
 }
