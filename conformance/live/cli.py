@@ -701,6 +701,8 @@ def _(world, ticking, reading):
     reader.see("Receiving input").see("0 ", 5)
     clock.signal().finish()
     said = [line for line in clock.out if not REPORTS.match(line) and line != "Interrupting..."]
+    # A clock of ours takes requests, for which it has a port that stock's has not.
+    said = [line for line in said if " Port /tick/rpc:i " not in line]
     results.append((0, sorted(set(said))))
     reader.see("Removing input")
     code, lines = reader.signal().finish()
