@@ -205,18 +205,22 @@ where
         mut writer: Writer<'_>,
         event: &Event<'_>,
     ) -> fmt::Result {
-        let metadata = event.metadata();
-        let level = level_name(*metadata.level());
-        let mut message = Message::default();
-        event.record(&mut message);
-        let component = component(metadata.target(), &message.0);
-        let message = foreign_text::cleaned(&message.0);
+        let level = level_name(*event.metadata().level());
+        let (component, message) = text_of(event);
         if self.forwarded {
-            let line = forwarded_line::line_of(metadata, &component, &message.to_string());
+            let line = forwarded_line::line(level, &component, &message);
             return writeln!(writer, "{line}");
         }
         writeln!(writer, "[{level}] |{component}| {message}")
     }
+}
+
+/// Returns stock's name for the component of an event, and its message as it may be printed.
+fn text_of(event: &Event<'_>) -> (String, String) {
+    let mut message = Message::default();
+    event.record(&mut message);
+    let component = component(event.metadata().target(), &message.0);
+    (component, foreign_text::cleaned(&message.0).to_string())
 }
 
 /// Text of an event; its fields repeat what the text says.

@@ -3,11 +3,10 @@
 use std::ops::Deref;
 use std::time::Duration;
 
-use yarp_devices::FrameGrabberImage;
+use yarp_devices::{DeviceError, FrameGrabberImage};
 use yarp_ports::Network;
-use yarp_wrappers::{RemoteFrameGrabber, RemoteFrameGrabberOptions};
+use yarp_wrappers::{RemoteFrameGrabber, RemoteFrameGrabberOptions, wait_first_value};
 
-use crate::robot::wait_first_value;
 use crate::{Error, Result, local_name, time};
 
 /// Maximum wait for the first image of a camera.
@@ -42,12 +41,14 @@ impl Camera {
     pub fn open(network: &Network, options: RemoteFrameGrabberOptions) -> Result<Self> {
         time::follow(network)?;
         let grabber = RemoteFrameGrabber::open(network, options)?;
-        let expired = |_| Error::NoImage {
-            remote: grabber.remote().to_owned(),
-            seconds: FIRST_IMAGE_TIMEOUT.as_secs_f64(),
-        };
-        wait_first_value(FIRST_IMAGE_TIMEOUT, || grabber.image(), expired)?;
-        Ok(Self { grabber })
+        match wait_first_value(FIRST_IMAGE_TIMEOUT, || grabber.image()) {
+            Ok(_) => Ok(Self { grabber }),
+            Err(DeviceError::NoDataYet { .. }) => Err(Error::NoImage {
+                remote: grabber.remote().to_owned(),
+                seconds: FIRST_IMAGE_TIMEOUT.as_secs_f64(),
+            }),
+            Err(error) => Err(error.into()),
+        }
     }
 }
 

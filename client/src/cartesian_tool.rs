@@ -5,9 +5,8 @@ use std::time::Duration;
 
 use yarp_devices::CartesianControl;
 use yarp_ports::Network;
-use yarp_wrappers::{RemoteCartesianControl, RemoteCartesianOptions};
+use yarp_wrappers::{RemoteCartesianControl, RemoteCartesianOptions, wait_first_value};
 
-use crate::robot::wait_first_value;
 use crate::{Error, Result, local_name, time};
 
 /// Maximum wait for the first pose of a tool.
@@ -44,7 +43,7 @@ impl CartesianTool {
     pub fn open(network: &Network, options: RemoteCartesianOptions) -> Result<Self> {
         time::follow(network)?;
         let remote = RemoteCartesianControl::open(network, options)?;
-        wait_first_value(FIRST_POSE_TIMEOUT, || remote.pose(), Error::from)?;
+        wait_first_value(FIRST_POSE_TIMEOUT, || remote.pose())?;
         Ok(Self { remote })
     }
 }

@@ -3,12 +3,12 @@
 use std::ops::Deref;
 use std::sync::Arc;
 use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use yarp_devices::clock::TimeSource;
 use yarp_devices::{Axes, Device, DeviceError, Encoders, PositionControl};
 use yarp_ports::Network;
-use yarp_wrappers::{RemoteControlBoard, RemoteControlBoardOptions};
+use yarp_wrappers::{RemoteControlBoard, RemoteControlBoardOptions, wait_first_value};
 
 use crate::{Error, POLL_INTERVAL, Result, local_name, time};
 
@@ -51,8 +51,7 @@ impl Robot {
     pub fn open(network: &Network, options: RemoteControlBoardOptions) -> Result<Self> {
         time::follow(network)?;
         let board = RemoteControlBoard::open(network, options)?;
-        let first_state = || board.encoder_readings(Axes::All);
-        wait_first_value(FIRST_STATE_TIMEOUT, first_state, Error::from)?;
+        wait_first_value(FIRST_STATE_TIMEOUT, || board.encoder_readings(Axes::All))?;
         Ok(Self {
             board: Arc::new(board),
         })
@@ -96,23 +95,5 @@ impl Deref for Robot {
 
     fn deref(&self) -> &RemoteControlBoard {
         &self.board
-    }
-}
-
-/// Waits for the first value of a device; `expired` is the error after the timeout.
-pub(crate) fn wait_first_value<T>(
-    timeout: Duration,
-    mut attempt: impl FnMut() -> Result<T, DeviceError>,
-    expired: impl FnOnce(DeviceError) -> Error,
-) -> Result<T> {
-    let deadline = Instant::now() + timeout;
-    loop {
-        match attempt() {
-            Err(DeviceError::NoDataYet { .. }) if Instant::now() < deadline => {
-                thread::sleep(POLL_INTERVAL);
-            }
-            Err(error @ DeviceError::NoDataYet { .. }) => return Err(expired(error)),
-            outcome => return Ok(outcome?),
-        }
     }
 }

@@ -49,7 +49,7 @@ pub use error::{PortError, error_chain};
 pub use latency::request_low_timer_slack;
 pub use log_text::{Printable, printable};
 pub use network::{Endpoint, Network};
-pub use own_names::host_name;
+pub use own_names::{host_name, program_name};
 pub use port::{
     AdminHandler, Answer, ConnectionChange, ConnectionCounters, ConnectionLimits,
     ConnectionObserver, ConnectionState, Envelope, Handler, Monitor, MonitorError, MonitorFactory,

@@ -1,6 +1,7 @@
 //! The names of this machine, as far as they are known without asking anybody.
 
 use std::net::IpAddr;
+use std::path::Path;
 use std::sync::LazyLock;
 
 use yarp_wire::http::Gate;
@@ -31,6 +32,13 @@ pub fn host_name() -> String {
         .iter()
         .filter_map(|file| std::fs::read_to_string(file).ok());
     texts.next().unwrap_or_default().trim().to_owned()
+}
+
+/// Returns the name under which this program was started, without its folder.
+pub fn program_name() -> String {
+    let program = std::env::args_os().next().unwrap_or_default();
+    let name = Path::new(&program).file_name().unwrap_or_default();
+    name.to_string_lossy().into_owned()
 }
 
 /// The host name as it is, without its domain, in the domain of the resolver and as `NAME.local`; and all names that

@@ -23,6 +23,7 @@ pub mod battery;
 pub mod cartesian;
 pub mod control_board;
 mod device_ports;
+mod first_value;
 pub mod frame_grabber;
 pub mod hand;
 pub mod network_time;
@@ -49,6 +50,7 @@ pub use control_board::{
     RemoteControlBoardOptions, RemoteMotion,
 };
 pub use device_ports::RemoteOptions;
+pub use first_value::wait_first_value;
 pub use frame_grabber::{
     FrameGrabberOptions, FrameGrabberServer, RemoteFrameGrabber, RemoteFrameGrabberOptions,
 };

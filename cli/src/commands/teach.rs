@@ -5,21 +5,20 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use yarp_demos::teaching::{Boards, MotionFile, MotionFileError, PlayError, Player, Step};
 use yarp_devices::{Axes, DeviceError, Encoders, Mode};
 use yarp_ports::Network;
-use yarp_wrappers::{RemoteControlBoard, RemoteControlBoardOptions};
+use yarp_wrappers::{RemoteControlBoard, RemoteControlBoardOptions, wait_first_value};
 
 use crate::error::{Failure, Result};
 use crate::network_access;
 use crate::signals::Interrupt;
 use crate::stdin_lines::Lines;
 
-/// Maximum wait for the first state of a board, and the interval between two looks.
+/// Maximum wait for the first state of a board.
 const FIRST_STATE_TIMEOUT: Duration = Duration::from_secs(5);
-const POLL_INTERVAL: Duration = Duration::from_millis(20);
 
 /// Error of teaching or playing.
 #[derive(Debug, thiserror::Error)]
@@ -116,24 +115,10 @@ async fn open(network: &Network, prefix: &str) -> Result<Arc<RemoteControlBoard>
     let network = network.clone();
     let opening = blocking(move || {
         let board = RemoteControlBoard::open(&network, options)?;
-        wait_first_state(&board)?;
+        wait_first_value(FIRST_STATE_TIMEOUT, || board.encoder_readings(Axes::All))?;
         Ok(board)
     });
     opening.await.map(Arc::new)
-}
-
-/// Waits until the board has published its state.
-fn wait_first_state(board: &RemoteControlBoard) -> Result<()> {
-    let deadline = Instant::now() + FIRST_STATE_TIMEOUT;
-    loop {
-        match board.encoder_readings(Axes::All) {
-            Err(DeviceError::NoDataYet { .. }) if Instant::now() < deadline => {
-                std::thread::sleep(POLL_INTERVAL);
-            }
-            Err(error) => return Err(error.into()),
-            Ok(_) => return Ok(()),
-        }
-    }
 }
 
 /// Runs calls that block.

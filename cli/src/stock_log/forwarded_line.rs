@@ -1,19 +1,11 @@
 //! A line of the log in the form in which stock's programs hand it on.
 
-use tracing::Metadata;
 use yarp_devices::clock::{TimeSource, wall_clock};
 use yarp_wire::{Bottle, Value};
 
-use super::level_name;
-
-/// Returns the line of an event: `(level INFO) (systemtime 1.5) (component yarp.os.Ping) (message "Ping #1:")`.
+/// Returns a line: `(level INFO) (systemtime 1.5) (component yarp.os.Ping) (message "Ping #1:")`.
 ///
-/// `networktime` is there if the process follows a clock, as in stock.
-pub(super) fn line_of(metadata: &Metadata<'_>, component: &str, message: &str) -> String {
-    line(level_name(*metadata.level()), component, message)
-}
-
-/// Returns a line with a level of stock.
+/// `level` is stock's name of a level. `networktime` is there if the process follows a clock, as in stock.
 pub(super) fn line(level: &str, component: &str, message: &str) -> String {
     let mut line = Bottle::new()
         .with(pair("level", level.into()))

@@ -8,7 +8,6 @@
 //! The thread that reports a line never waits: lines wait in a bounded queue for a task of their own.
 
 use std::collections::VecDeque;
-use std::path::Path;
 use std::sync::{LazyLock, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -18,11 +17,11 @@ use tokio::task::JoinHandle;
 use tokio::time::timeout;
 use tracing::{Event, Subscriber};
 use tracing_subscriber::layer::{Context, Layer};
-use yarp_ports::{Network, Port, PortOptions, error_chain, host_name};
+use yarp_ports::{Network, Port, PortOptions, error_chain, host_name, program_name};
 use yarp_wire::Bottle;
 
-use super::forwarded_line::{last_line, line, line_of};
-use super::{Message, component, foreign_text, is_set};
+use super::forwarded_line::{last_line, line};
+use super::{is_set, level_name, text_of};
 use crate::output::error_line;
 
 /// Port of stock's logger, and the carrier to it.
@@ -131,11 +130,8 @@ impl<S: Subscriber> Layer<S> for ForwardedLog {
         if NETWORK_MODULES.iter().any(|each| module.starts_with(each)) {
             return;
         }
-        let mut message = Message::default();
-        event.record(&mut message);
-        let component = component(metadata.target(), &message.0);
-        let message = foreign_text::cleaned(&message.0).to_string();
-        waiting.add(line_of(metadata, &component, &message));
+        let (component, message) = text_of(event);
+        waiting.add(line(level_name(*metadata.level()), &component, &message));
     }
 }
 
@@ -214,14 +210,12 @@ async fn ended_for(waiting: &Waiting, time: Duration) {
 
 /// Returns the name of the port: `/log/HOST/PROGRAM/PID`, with `YARP_LOG_PROCESS_LABEL` in brackets behind the program.
 fn port_name() -> String {
-    let program = std::env::args().next().unwrap_or_default();
-    let program = Path::new(&program).file_name().unwrap_or_default();
     let label = std::env::var("YARP_LOG_PROCESS_LABEL").unwrap_or_default();
     let label = match label.is_empty() {
         true => label,
         false => format!("[{label}]"),
     };
-    let (host, program) = (host_name(), program.to_string_lossy());
+    let (host, program) = (host_name(), program_name());
     format!("/log/{host}/{program}{label}/{}", std::process::id())
 }
 

@@ -6,7 +6,7 @@ use tracing::{Event, Level, Subscriber};
 use tracing_subscriber::layer::{Context, Layer};
 use yarp_view::{LogLevel, LogLines};
 
-use super::{Message, component, foreign_text};
+use super::text_of;
 
 static SHOWN_IN: OnceLock<LogLines> = OnceLock::new();
 
@@ -23,20 +23,13 @@ impl<S: Subscriber> Layer<S> for ShownLog {
         let Some(shown) = SHOWN_IN.get() else {
             return;
         };
-        let mut message = Message::default();
-        event.record(&mut message);
-        let metadata = event.metadata();
-        let level = match *metadata.level() {
+        let level = match *event.metadata().level() {
             Level::ERROR => LogLevel::Error,
             Level::WARN => LogLevel::Warning,
             Level::INFO => LogLevel::Info,
             _ => LogLevel::Debug,
         };
-        let source = component(metadata.target(), &message.0);
-        shown.add(
-            level,
-            &source,
-            &foreign_text::cleaned(&message.0).to_string(),
-        );
+        let (component, message) = text_of(event);
+        shown.add(level, &component, &message);
     }
 }

@@ -82,13 +82,13 @@ impl Command {
             "move" => axis(JOINTS).map(|(axis, degrees)| Self::Move { axis, degrees }),
             "hand" => axis(HAND_AXES).map(|(axis, degrees)| Self::Hand { axis, degrees }),
             "guide" => {
-                let place = [1, 2, 3].map(|index| {
+                let number = |index| {
                     let value = bottle.get(index).and_then(Value::as_f64);
-                    value.filter(|value| value.is_finite()).unwrap_or(f64::NAN)
-                });
-                match place.iter().any(|value| value.is_nan()) {
-                    true => Err("guide: expected a place: x, y and z in metres".to_owned()),
-                    false => Ok(Self::Guide { place }),
+                    value.filter(|value| value.is_finite())
+                };
+                match [1, 2, 3].map(number) {
+                    [Some(x), Some(y), Some(z)] => Ok(Self::Guide { place: [x, y, z] }),
+                    _ => Err("guide: expected a place: x, y and z in metres".to_owned()),
                 }
             }
             "mode" => {

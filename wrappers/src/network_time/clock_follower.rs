@@ -10,7 +10,7 @@ use tokio::time::Instant;
 use yarp_devices::clock::NetworkTime;
 use yarp_ports::{
     Answer, Network, Port, PortError, PortOptions, Received, error_chain, host_name, printable,
-    remote_admin,
+    program_name, remote_admin,
 };
 
 use super::clock_message;
@@ -335,12 +335,10 @@ impl MessageReceiver {
 
 /// Returns stock's name of a follower's port: `/HOST/PROCESS/PID/clock:i`.
 fn own_name() -> String {
-    let program = std::env::current_exe().unwrap_or_default();
-    let program = program.file_name().unwrap_or_default().to_string_lossy();
     format!(
         "/{}/{}/{}/clock:i",
         name_part(&host_name()),
-        name_part(&program),
+        name_part(&program_name()),
         process::id()
     )
 }

@@ -164,9 +164,7 @@ impl CommandHandler {
         }
         if has("cmd") {
             let mut launch = Launch::of(request);
-            if has("log") || self.logger.is_some() {
-                launch.logger = Some(self.logger_of(request));
-            }
+            launch.logger = self.logger_of(request);
             return self.start(launch);
         }
         if has("kill") {
@@ -202,12 +200,12 @@ impl CommandHandler {
         not_done(&format!("unknown request: {request}"))
     }
 
-    /// Returns the logger that a request names, else that of the server.
-    fn logger_of(&self, request: &Bottle) -> String {
+    /// Returns the logger for the output of a requested command: the one that it names, else that of the server.
+    fn logger_of(&self, request: &Bottle) -> Option<String> {
         let group = request.find_group("log");
         let named = group.and_then(|group| Some(group.get(1)?.as_str()?.to_owned()));
-        let named = named.or_else(|| self.logger.clone());
-        named.unwrap_or_else(|| LOGGER.to_owned())
+        let default = || contains_word(request, "log").then(|| LOGGER.to_owned());
+        named.or_else(|| self.logger.clone()).or_else(default)
     }
 
     fn start(&self, launch: Launch) -> Bottle {
