@@ -87,6 +87,19 @@ def dead_paths():
                         yield f"{document.relative_to(ROOT)}:{number}: {path}"
 
 
+def forgotten_tests():
+    """Yields each file of a crate's `tests/` that no test program contains, if the crate lists its test programs."""
+    for manifest in sorted(ROOT.glob("*/Cargo.toml")) + sorted(ROOT.glob("*/*/Cargo.toml")):
+        text = manifest.read_text(encoding="utf8")
+        if "autotests = false" not in text:
+            continue
+        listed = set(re.findall(r'\[\[test\]\]\nname = "(\w+)"', text))
+        listed |= set(re.findall(r"^mod (\w+);", (manifest.parent / "tests/main.rs").read_text(encoding="utf8"), re.M))
+        for path in sorted((manifest.parent / "tests").glob("*.rs")):
+            if path.stem not in listed:
+                yield f"{path.relative_to(ROOT)}: add `mod {path.stem};` to tests/main.rs: the test is not compiled"
+
+
 def measure():
     found = defaultdict(list)
     counts = defaultdict(int)
@@ -136,6 +149,7 @@ def check(found, counts):
     if share > MAX_OPENER_SHARE:
         wrong += found["opener"]
     wrong += [f"{place} is not there" for place in dead_paths()]
+    wrong += forgotten_tests()
     for line in wrong:
         print(line, file=sys.stderr)
     return 1 if wrong else 0

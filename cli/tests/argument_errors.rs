@@ -1,6 +1,6 @@
 //! Commands without valid arguments print stock 3.5.0's messages.
 
-mod common;
+use crate::common;
 
 use common::Home;
 

@@ -1,10 +1,10 @@
 //! `yarp clock` publishes a time on a port.
 
-mod common;
+use crate::common;
 
 use std::time::{Duration, Instant};
 
-use common::Home;
+use common::{Home, Running};
 
 /// Returns the seconds that a clock shows.
 fn seconds(home: &Home, port: &str) -> i64 {
@@ -73,6 +73,12 @@ fn following(line: &str) -> std::process::Command {
     command
 }
 
+/// Starts the clock `/clock`, which stands until it is asked to go on.
+fn paused_clock(home: &Home) -> Running {
+    home.start("clock --period 10 --paused")
+        .see("running happily")
+}
+
 /// Sends a request to the clock and returns the reply.
 fn ask(home: &Home, request: &str) -> String {
     let asked = home.run_with("rpc /clock/rpc:i", &format!("{request}\n"));
@@ -85,9 +91,7 @@ fn ask(home: &Home, request: &str) -> String {
 fn requests_pause_step_and_pace_a_clock() {
     let home = Home::new();
     let _server = home.serve();
-    let _clock = home
-        .start("clock --period 10 --paused")
-        .see("running happily");
+    let _clock = paused_clock(&home);
     for (request, reply) in [
         ("get", "[ok] 0 0 paused 1.0"),
         ("step 2.5", "[ok] 2 500000000 paused 1.0"),
@@ -120,9 +124,7 @@ fn requests_pause_step_and_pace_a_clock() {
 fn programs_show_the_time_of_the_clock_and_stand_still_with_it() {
     let home = Home::new();
     let server = home.serve();
-    let clock = home
-        .start("clock --period 10 --paused")
-        .see("running happily");
+    let clock = paused_clock(&home);
     let time = home.spawn(following("time"), "time").see("0.000000");
     assert!(home.names().iter().any(|name| name.ends_with("/clock:i")));
     ask(&home, "step 5");
@@ -144,9 +146,7 @@ fn programs_show_the_time_of_the_clock_and_stand_still_with_it() {
     sampler.signal("INT").finish().with(0);
     // A clock that comes back is followed again, though it begins anew.
     clock.signal("INT").finish().with(0);
-    let _clock = home
-        .start("clock --period 10 --paused")
-        .see("running happily");
+    let _clock = paused_clock(&home);
     let time = time.see_often("0.000000", 2);
     ask(&home, "step 7");
     time.see("7.000000").signal("INT").finish().with(0);
@@ -185,9 +185,7 @@ fn a_missing_clock_ends_a_program_with_advice() {
 fn a_simulated_arm_publishes_in_the_time_of_the_clock() {
     let home = Home::new();
     let _server = home.serve();
-    let _clock = home
-        .start("clock --period 10 --paused")
-        .see("running happily");
+    let _clock = paused_clock(&home);
     ask(&home, "step 1000");
     let _arm = home
         .spawn(following("up --no-view"), "up")

@@ -1,6 +1,6 @@
 //! `yarp conf` and `yarp namespace` write the files that stock reads.
 
-mod common;
+use crate::common;
 
 use common::Home;
 

@@ -1,6 +1,6 @@
 //! A killed writer over `udp` or `mcast` is dropped; a silent one is not.
 
-mod common;
+use crate::common;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};

@@ -2,7 +2,7 @@
 
 #![cfg(all(unix, feature = "tls"))]
 
-mod common;
+use crate::common;
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt;

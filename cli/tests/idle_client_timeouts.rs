@@ -1,6 +1,6 @@
 //! Idle clients of the name server are disconnected, and do not block others.
 
-mod common;
+use crate::common;
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;

@@ -1,6 +1,6 @@
 //! `yarp latency-test` measures round trips over every kind of connection.
 
-mod common;
+use crate::common;
 
 use std::time::Duration;
 

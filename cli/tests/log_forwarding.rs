@@ -2,13 +2,13 @@
 
 #![cfg(target_os = "linux")]
 
-mod common;
+use crate::common;
 
 use std::process::Command;
 
 use common::{Home, Running};
 
-/// Lines of output that a message takes in a pipe, so that both are more than a pipe holds.
+/// Numbered lines of output, about twice as many as a pipe holds.
 const MANY: u32 = 20_000;
 
 fn logger(home: &Home) -> Running {
@@ -20,6 +20,20 @@ fn camera(home: &Home, variables: &[(&str, &str)]) -> Running {
     command.args(["dev", "--device", "fakeFrameGrabber", "--name", "/cam"]);
     command.envs(variables.iter().copied());
     home.spawn(command, "dev")
+}
+
+/// Starts a `yarp run --server` on port `/host`.
+fn run_server(home: &Home, options: &str) -> Running {
+    home.start(&format!("run --server /host --insecure {options}"))
+        .see("Yarprun successfully started on port:  /host")
+}
+
+/// Runs a command of the shell on `/host`, with its output for a logger: `--log` and its value.
+fn run_logged(home: &Home, log: &[&str], shell: &str) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_yarp"));
+    command.args(["run", "--on", "/host", "--as", "t"]);
+    command.args(log).args(["--cmd", shell]);
+    home.spawn(command, "run").finish().with(0);
 }
 
 #[test]
@@ -112,13 +126,9 @@ fn the_output_of_a_command_goes_to_the_logger() {
     let home = Home::new();
     let _name_server = home.serve();
     let mut logger = logger(&home);
-    let server = home
-        .start("run --server /host --insecure")
-        .see("Yarprun successfully started on port:  /host");
-    let mut command = Command::new(env!("CARGO_BIN_EXE_yarp"));
+    let server = run_server(&home, "");
     let shell = "sh -c \"echo one; echo two >&2; echo $YARPRUN_IS_FORWARDING_LOG; printf three; sleep 1000\"";
-    command.args(["run", "--on", "/host", "--as", "t", "--log", "--cmd", shell]);
-    home.spawn(command, "run").finish().with(0);
+    run_logged(&home, &["--log"], shell);
     assert!(logger.sees("\"1\\n\""), "{:?}", logger.printed());
     let printed = logger.printed();
     let lines: Vec<&String> = printed
@@ -146,13 +156,9 @@ fn a_long_line_is_sent_in_parts() {
     let home = Home::new();
     let _name_server = home.serve();
     let mut logger = logger(&home);
-    let _server = home
-        .start("run --server /host --insecure")
-        .see("Yarprun successfully started on port:  /host");
-    let mut command = Command::new(env!("CARGO_BIN_EXE_yarp"));
+    let _server = run_server(&home, "");
     let shell = "sh -c \"printf %05000d 0; echo; echo end\"";
-    command.args(["run", "--on", "/host", "--as", "t", "--log", "--cmd", shell]);
-    home.spawn(command, "run").finish().with(0);
+    run_logged(&home, &["--log"], shell);
     assert!(logger.sees("\"end\\n\""), "{:?}", logger.printed());
     let printed = logger.printed();
     let zeros = |line: &String| {
@@ -173,20 +179,14 @@ fn a_command_whose_logger_is_missing_or_reads_nothing_runs_on() {
     let home = Home::new();
     let _name_server = home.serve();
     let stopped = logger(&home).signal("STOP");
-    let _server = home
-        .start("run --server /host --insecure --log")
-        .see("Yarprun successfully started on port:  /host");
+    let _server = run_server(&home, "--log");
     let file = home.path().join("done");
     for logger in ["/yarplogger", "/nobody"] {
         let shell = format!(
             "sh -c \"seq {MANY}; head -c 100000 /dev/zero; echo {logger} > {}\"",
             file.display()
         );
-        let mut command = Command::new(env!("CARGO_BIN_EXE_yarp"));
-        command.args([
-            "run", "--on", "/host", "--as", "t", "--log", logger, "--cmd", &shell,
-        ]);
-        home.spawn(command, "run").finish().with(0);
+        run_logged(&home, &["--log", logger], &shell);
         yarp_testing::eventually("the end of the command", || {
             std::fs::read_to_string(&file).is_ok_and(|text| text.trim() == logger)
         });

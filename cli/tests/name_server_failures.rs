@@ -1,7 +1,7 @@
 //! The name server with unusable databases, full disks, invalid requests, and thousands of dead
 //! names.
 
-mod common;
+use crate::common;
 
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};

@@ -1,6 +1,6 @@
 //! A name server that is killed at any instruction, under load, loses no acknowledged change.
 
-mod common;
+use crate::common;
 
 use std::collections::BTreeMap;
 use std::io::{Read, Write};

@@ -1,6 +1,6 @@
 //! Persistent connections and topics are restored whenever one of their ends comes back.
 
-mod common;
+use crate::common;
 
 use common::{Home, Running};
 

@@ -1,6 +1,6 @@
 //! `yarp plugin` lists what is built in.
 
-mod common;
+use crate::common;
 
 use common::Home;
 

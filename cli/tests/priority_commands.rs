@@ -1,6 +1,6 @@
 //! `yarp priority-qos` and `yarp priority-sched` on connections between processes.
 
-mod common;
+use crate::common;
 
 use common::{Home, Running};
 

@@ -1,6 +1,6 @@
 //! `yarp read`, `write`, `rpc`, `rpcserver`, `repeat` and `wait` exchange messages.
 
-mod common;
+use crate::common;
 
 use std::process::Command;
 

@@ -1,6 +1,6 @@
 //! `yarp sample` forwards the latest message at a constant rate.
 
-mod common;
+use crate::common;
 
 use common::Home;
 

@@ -1,6 +1,6 @@
 //! A name server that listens on one address of the machine.
 
-mod common;
+use crate::common;
 
 use std::net::TcpListener;
 

@@ -1,6 +1,6 @@
 //! `yarp split` splits messages into elements.
 
-mod common;
+use crate::common;
 
 use std::time::Duration;
 

@@ -1,6 +1,6 @@
 //! Ten thousand names, and hundreds of concurrent short-lived programs.
 
-mod common;
+use crate::common;
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};

@@ -1,6 +1,6 @@
 //! `yarp trafficgen` sends messages, `yarp stats` counts them.
 
-mod common;
+use crate::common;
 
 use common::{Ended, Home};
 

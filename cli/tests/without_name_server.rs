@@ -1,6 +1,6 @@
 //! Without a name server every command ends soon, and prints the reason.
 
-mod common;
+use crate::common;
 
 use common::Home;
 

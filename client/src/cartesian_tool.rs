@@ -7,7 +7,7 @@ use yarp_devices::CartesianControl;
 use yarp_ports::Network;
 use yarp_wrappers::{RemoteCartesianControl, RemoteCartesianOptions, wait_first_value};
 
-use crate::{Error, Result, local_name, time};
+use crate::{Result, local_name, time};
 
 /// Maximum wait for the first pose of a tool.
 const FIRST_POSE_TIMEOUT: Duration = Duration::from_secs(5);
@@ -27,7 +27,8 @@ impl CartesianTool {
     ///
     /// Waits for the first pose, at most 5 s.
     ///
-    /// Errors: [`Error::Network`], [`Error::Open`], and [`Error::Device`] with
+    /// Errors: [`Error::Network`](crate::Error::Network), [`Error::Open`](crate::Error::Open), and
+    /// [`Error::Device`](crate::Error::Device) with
     /// [`DeviceError::NoDataYet`](crate::DeviceError::NoDataYet) when the controller replies but publishes nothing.
     pub fn connect(remote: &str) -> Result<Self> {
         Self::connect_on(&Network::from_process()?, remote)

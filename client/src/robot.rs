@@ -10,7 +10,7 @@ use yarp_devices::{Axes, Device, DeviceError, Encoders, PositionControl};
 use yarp_ports::Network;
 use yarp_wrappers::{RemoteControlBoard, RemoteControlBoardOptions, wait_first_value};
 
-use crate::{Error, POLL_INTERVAL, Result, local_name, time};
+use crate::{POLL_INTERVAL, Result, local_name, time};
 
 /// Maximum wait for the first state of a board.
 const FIRST_STATE_TIMEOUT: Duration = Duration::from_secs(5);
@@ -33,7 +33,8 @@ impl Robot {
     ///
     /// Waits for its first state, at most 5 s.
     ///
-    /// Errors: [`Error::Network`], [`Error::Open`], and [`Error::Device`] with [`DeviceError::NoDataYet`] when the board
+    /// Errors: [`Error::Network`](crate::Error::Network), [`Error::Open`](crate::Error::Open), and
+    /// [`Error::Device`](crate::Error::Device) with [`DeviceError::NoDataYet`] when the board
     /// replies but publishes nothing.
     pub fn connect(remote: &str) -> Result<Self> {
         Self::connect_on(&Network::from_process()?, remote)

@@ -11,8 +11,7 @@ use yarp_devices::{
     PositionControl, RemoteVariables, VariableValue,
 };
 
-#[path = "support/can/mod.rs"]
-mod can;
+use crate::can;
 
 use can::memory::Memory;
 use can::scenarios::{active, start};

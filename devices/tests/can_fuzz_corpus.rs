@@ -1,11 +1,7 @@
 //! Every file of the fuzz corpora of the CAN bus goes through its target once, also with a byte changed.
 
-#[allow(unreachable_pub)]
-#[path = "support/corpus.rs"]
-mod corpus;
-#[allow(unreachable_pub)]
-#[path = "../fuzz/src/can.rs"]
-mod fuzz;
+use crate::can_fuzz as fuzz;
+use crate::corpus;
 
 #[test]
 fn every_frame_passes() {

@@ -8,9 +8,8 @@ use yarp_devices::embedded::{EmbeddedWam, LinkMode, WamNode};
 use yarp_devices::wam::{DynamicWam, WamModel};
 use yarp_devices::{Axes, CartesianControl, ControlMode, Device, DeviceError, Mode, Target};
 
-#[path = "support/can/mod.rs"]
-mod can;
-mod embedded;
+use crate::can;
+use crate::embedded;
 
 use can::Rig;
 use can::memory::Memory;

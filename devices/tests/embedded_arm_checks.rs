@@ -1,6 +1,6 @@
 //! An arm behind its embedded PC, over real TCP and with either end listening, behaves as an arm must.
 
-mod embedded;
+use crate::embedded;
 
 use embedded::{Listens, TEST_TIMEOUT, at_rest, connected, driver, eventually, ideal_arm, place};
 use yarp_devices::checks::{self, Check};

@@ -1,7 +1,7 @@
 //! The connection to the embedded PC breaks at every byte of every exchange: the driver names the step, and
 //! reconnects.
 
-mod embedded;
+use crate::embedded;
 
 use std::io::Write;
 use std::thread;

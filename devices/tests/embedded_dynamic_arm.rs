@@ -1,6 +1,6 @@
 //! `gra`, `hom`, `shu` and `trf` act on an arm with masses and friction as documented.
 
-mod embedded;
+use crate::embedded;
 
 use std::sync::Arc;
 

@@ -2,12 +2,8 @@
 
 use yarp_devices::embedded::protocol::{ARM, Packet, Reply, Request, TRAJECTORY};
 
-#[allow(unreachable_pub)]
-#[path = "support/corpus.rs"]
-mod corpus;
-#[allow(unreachable_pub)]
-#[path = "../fuzz/src/embedded.rs"]
-mod fuzz;
+use crate::corpus;
+use crate::embedded_fuzz as fuzz;
 
 #[test]
 fn every_corpus_file_passes_also_with_a_byte_changed() {

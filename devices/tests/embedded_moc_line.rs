@@ -1,6 +1,6 @@
 //! `moc` moves the tool on a straight line, and is refused where the line would need another posture.
 
-mod embedded;
+use crate::embedded;
 
 use std::sync::{Arc, Mutex};
 use std::thread;

@@ -1,6 +1,6 @@
 //! The client of the embedded server goes away at every byte of every request: the arm holds, and the next client is served.
 
-mod embedded;
+use crate::embedded;
 
 use std::io::{Read, Write};
 use std::net::TcpStream;

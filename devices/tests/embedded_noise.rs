@@ -1,6 +1,6 @@
 //! Random bytes from the embedded PC, and to it: no panic, no movement, no hang.
 
-mod embedded;
+use crate::embedded;
 
 use std::io::{ErrorKind, Read, Write};
 use std::thread;

@@ -1,6 +1,6 @@
 //! Commands are never queued: while one move is being transmitted only the newest waits.
 
-mod embedded;
+use crate::embedded;
 
 use std::sync::Arc;
 use std::thread::{self, JoinHandle};

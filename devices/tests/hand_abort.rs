@@ -1,7 +1,7 @@
 //! An abort was lost when it came while a command was typed, between the lines of a grasp, or before a board had begun.
 #![cfg(unix)]
 
-mod hand_support;
+use crate::hand_support;
 
 use std::thread;
 

@@ -1,7 +1,7 @@
 //! The hand's four axes, over a pseudo-terminal, keep the contracts of the interfaces as a hand can.
 #![cfg(unix)]
 
-mod hand_support;
+use crate::hand_support;
 
 use hand_support::{Stage, TEST_TIMEOUT, eventually};
 use yarp_devices::hand::HandBoard;

@@ -8,7 +8,7 @@ use yarp_devices::hand::simulated::{Firmware, SimulatedHandOptions};
 use yarp_devices::hand::{GclConnection, HandBoard};
 use yarp_devices::{Axes, Hand, PositionControl};
 
-mod hand_support;
+use crate::hand_support;
 
 use hand_support::{SPEED, Stage, eventually};
 

@@ -3,12 +3,8 @@
 
 use proptest::prelude::*;
 
-#[allow(unreachable_pub)]
-#[path = "support/corpus.rs"]
-mod corpus;
-#[allow(unreachable_pub)]
-#[path = "../fuzz/src/hand.rs"]
-mod fuzz;
+use crate::corpus;
+use crate::hand_fuzz as fuzz;
 
 #[test]
 fn every_corpus_file_passes_also_with_a_byte_changed() {

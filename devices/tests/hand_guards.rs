@@ -8,7 +8,7 @@ use yarp_devices::guard::Guarded;
 use yarp_devices::hand::HandBoard;
 use yarp_devices::{Axes, Device, DeviceError, Grasp, GraspKind, Hand, Mode, SoftwareStop};
 
-mod hand_support;
+use crate::hand_support;
 
 use hand_support::{Stage, eventually};
 

@@ -1,7 +1,7 @@
 //! The hand server's protocol: a driver that listens, a server that connects, a simulated hand behind it.
 #![cfg(unix)]
 
-mod hand_support;
+use crate::hand_support;
 
 use std::error::Error;
 use std::io::{Read, Write};

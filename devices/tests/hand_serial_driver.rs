@@ -1,7 +1,7 @@
 //! The driver and a simulated hand over a pseudo-terminal: every command, grasp and complaint.
 #![cfg(unix)]
 
-mod hand_support;
+use crate::hand_support;
 
 use std::error::Error;
 use std::thread;

@@ -1,7 +1,7 @@
 //! Plugs pulled, noise and strangers on the serial line of the hand.
 #![cfg(unix)]
 
-mod hand_support;
+use crate::hand_support;
 
 use std::error::Error;
 use std::thread;

@@ -7,8 +7,7 @@ use yarp_devices::wam::DynamicWam;
 use yarp_devices::wam::can::CanWam;
 use yarp_devices::{Axes, AxisIndex, Device, DeviceError, Impedance, Interaction, Limits, Mode};
 
-#[path = "support/can/mod.rs"]
-mod can;
+use crate::can;
 
 use can::memory::Memory;
 use can::scenarios::{activate, active};

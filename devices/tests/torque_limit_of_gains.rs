@@ -3,8 +3,7 @@
 use yarp_devices::wam::DynamicWam;
 use yarp_devices::{Axes, Device, DeviceError, PidKind};
 
-#[path = "support/can/mod.rs"]
-mod can;
+use crate::can;
 
 use can::memory::Memory;
 use can::scenarios::active;

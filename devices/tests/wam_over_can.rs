@@ -1,8 +1,7 @@
 //! The driver of the arm's CAN bus against simulated pucks, on a bus in memory. `make test-can` does the same on
 //! one of the kernel.
 
-#[path = "support/can/mod.rs"]
-mod can;
+use crate::can;
 
 use can::memory::Memory;
 use can::scenarios;

@@ -14,8 +14,7 @@ use yarp_devices::{
     PositionDirect, TorqueControl, VelocityControl,
 };
 
-#[path = "support/can/mod.rs"]
-mod can;
+use crate::can;
 
 use can::memory::Memory;
 use can::scenarios::{activate, active, elbow, modes};

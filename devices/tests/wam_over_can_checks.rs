@@ -4,8 +4,7 @@ use std::time::Duration;
 
 use yarp_devices::{Axes, AxisIndex, Device, Mode, TorqueControl, checks};
 
-#[path = "support/can/mod.rs"]
-mod can;
+use crate::can;
 
 use can::memory::Memory;
 use can::scenarios::{active, elbow, modes};

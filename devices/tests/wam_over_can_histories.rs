@@ -3,8 +3,7 @@
 
 use std::path::PathBuf;
 
-#[path = "support/can/mod.rs"]
-mod can;
+use crate::can;
 
 use can::histories::live;
 use can::memory::Memory;

@@ -12,8 +12,7 @@ use yarp_devices::wam::WamModel;
 use yarp_devices::wam::can::CanWam;
 use yarp_devices::{Axes, AxisIndex, Encoders, PositionControl};
 
-#[path = "support/can/mod.rs"]
-mod can;
+use crate::can;
 
 use can::memory::Memory;
 use can::scenarios::{active, options, start};

@@ -9,8 +9,7 @@ use yarp_devices::simulation::SafetyMode;
 use yarp_devices::wam::WamModel;
 use yarp_devices::wam::can::CanWam;
 
-#[path = "support/can/mod.rs"]
-mod can;
+use crate::can;
 
 use can::memory::Memory;
 use can::scenarios::{active, elbow, is_torque, move_elbow, options};

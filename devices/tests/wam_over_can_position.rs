@@ -10,8 +10,7 @@ use yarp_devices::wam::WamModel;
 use yarp_devices::wam::can::{CanErrorKind, CanOptions, CanWam};
 use yarp_devices::{Axes, DeviceError, Encoders, RemoteVariables, VariableValue};
 
-#[path = "support/can/mod.rs"]
-mod can;
+use crate::can;
 
 use can::memory::Memory;
 use can::scenarios::{activate, active, move_elbow, options};

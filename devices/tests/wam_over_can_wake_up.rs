@@ -8,8 +8,7 @@ use yarp_devices::simulation::WakeUp;
 use yarp_devices::wam::WamModel;
 use yarp_devices::wam::can::CanWam;
 
-#[path = "support/can/mod.rs"]
-mod can;
+use crate::can;
 
 use can::Rig;
 use can::memory::Memory;

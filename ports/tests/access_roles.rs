@@ -1,6 +1,6 @@
 //! Permissions on ports: actions that no role allows are refused with a reason.
 
-mod common;
+use crate::common;
 
 use std::path::PathBuf;
 

@@ -1,7 +1,7 @@
 //! Datagrams that are lost, duplicated, reordered or damaged: received messages are whole, lost
 //! ones are counted, and afterwards transmission recovers.
 
-mod common;
+use crate::common;
 
 use std::net::{Ipv4Addr, SocketAddrV4};
 

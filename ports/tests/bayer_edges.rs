@@ -1,7 +1,7 @@
 //! `recv.bayer+method.edgesense` follows edges: pixel for pixel the result of an independent
 //! calculation of the same definition, plane by plane and in fractions.
 
-mod common;
+use crate::common;
 
 use common::{at, open, within};
 use yarp_ports::{PortOptions, Queue};

@@ -1,6 +1,6 @@
 //! However much is asked at once, answers take little memory until they are read.
 
-mod common;
+use crate::common;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};

@@ -1,6 +1,6 @@
 //! Pages of other origins at a port: nothing is delivered, obeyed or read on their behalf.
 
-mod common;
+use crate::common;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};

@@ -1,6 +1,6 @@
 //! Only the program that announced itself is heard over `udp`: its host, and of that the first port.
 
-mod common;
+use crate::common;
 
 use bytes::BytesMut;
 use common::{Raw, bottle, next, open, within};

@@ -3,7 +3,7 @@
 //! The policy for batches needs no privilege. In stock (3.5.0) the thread of a reading connection
 //! exists from the beginning; its reported properties are the same.
 
-mod common;
+use crate::common;
 
 use std::sync::{Arc, Mutex};
 

@@ -1,6 +1,6 @@
 //! Messages and replies travel over every carrier, in order and whole.
 
-mod common;
+use crate::common;
 
 use common::{at, bottle, connect, next, open, within};
 use yarp_ports::{Answer, PortOptions, Queue};

@@ -2,9 +2,7 @@
 
 use std::path::Path;
 
-#[allow(unreachable_pub)]
-#[path = "../fuzz/src/lib.rs"]
-mod fuzz;
+use crate::fuzz;
 
 #[test]
 fn every_corpus_file_passes_also_with_a_byte_changed() {

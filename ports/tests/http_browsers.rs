@@ -1,6 +1,6 @@
 //! Browsers at a port: pages, forms, JSON, and reading the messages of the port.
 
-mod common;
+use crate::common;
 
 use common::{Raw, bottle, open, within};
 use yarp_ports::{Answer, Page, Port, PortOptions, Queue};

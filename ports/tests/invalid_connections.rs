@@ -1,6 +1,6 @@
 //! Connections that do not speak YARP, and idle ones, do not affect others.
 
-mod common;
+use crate::common;
 
 use std::io::{self, Write};
 use std::sync::{Arc, Mutex};

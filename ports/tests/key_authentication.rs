@@ -1,6 +1,6 @@
 //! A port with a key accepts connections of peers with the key only.
 
-mod common;
+use crate::common;
 
 use bytes::BytesMut;
 use common::{DEADLINE, Raw, bottle, next, until, within};

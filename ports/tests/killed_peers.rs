@@ -1,6 +1,6 @@
 //! A peer that dies in the middle of a message or a reply takes only its own connection with it.
 
-mod common;
+use crate::common;
 
 use common::{ACK, Raw, bottle, connect, next, open, tcp_header, tcp_message, until, within};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};

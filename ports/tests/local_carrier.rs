@@ -1,6 +1,6 @@
 //! `local` passes messages to a reader of the same process, without copying them.
 
-mod common;
+use crate::common;
 
 use common::{Raw, at, bottle, connect, next, open, within};
 use yarp_ports::{Answer, PortOptions, Queue};

@@ -2,7 +2,7 @@
 //!
 //! Source: 3.5.0, whose `yarp rpcserver` and `yarp read` forward the same.
 
-mod common;
+use crate::common;
 
 use common::{Raw, at, bottle, connect, next, open, until, within};
 use yarp_ports::{Answer, Port, PortError, PortOptions, Queue};

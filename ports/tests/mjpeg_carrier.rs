@@ -1,6 +1,6 @@
 //! MJPEG: a port that writes images serves them to browsers, and one that reads pulls them.
 
-mod common;
+use crate::common;
 
 use common::{Raw, ask, at, bottle, open, until, within};
 use yarp_ports::{Answer, PortOptions, Queue};

@@ -1,6 +1,6 @@
 //! Requests that would make a port deaf, or its process slow, are refused where nobody should make them.
 
-mod common;
+use crate::common;
 
 use common::{Raw, ask, bottle, connect, next, open, within};
 use yarp_ports::{Port, PortOptions, Queue};

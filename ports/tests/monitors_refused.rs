@@ -1,6 +1,6 @@
 //! A connection that requests a modifier that one end lacks is refused with its name, at both ends.
 
-mod common;
+use crate::common;
 
 use common::{Raw, ask, at, bottle, next, open, until, within};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};

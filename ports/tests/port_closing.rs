@@ -1,6 +1,6 @@
 //! Closing and dropping a port end, whatever its peers do.
 
-mod common;
+use crate::common;
 
 use std::sync::{Arc, OnceLock};
 

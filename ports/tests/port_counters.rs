@@ -1,6 +1,6 @@
 //! A port counts the messages of each of its connections, and reports the counts on request.
 
-mod common;
+use crate::common;
 
 use std::time::{SystemTime, UNIX_EPOCH};
 

@@ -2,7 +2,7 @@
 //!
 //! Source of the grammar and of the answers: 3.5.0 with the plugins of 4.0.0.
 
-mod common;
+use crate::common;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};

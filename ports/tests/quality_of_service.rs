@@ -2,7 +2,7 @@
 //!
 //! Source of the answers: 3.5.0, except where a reason follows `[fail]`.
 
-mod common;
+use crate::common;
 
 use common::{Raw, connect, open, until, within};
 use yarp_ports::{Port, PortOptions, Queue};

@@ -1,6 +1,6 @@
 //! Queue policies: messages kept, dropped or delayed when they arrive faster than they are read.
 
-mod common;
+use crate::common;
 
 use std::sync::mpsc;
 use std::thread;

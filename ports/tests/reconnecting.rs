@@ -1,6 +1,6 @@
 //! A reconnecting connection follows restarts of its reader, and reports its state to its owner.
 
-mod common;
+use crate::common;
 
 use std::time::Duration;
 

@@ -1,6 +1,6 @@
 //! A connection that sends `r` reads the port's messages from then on.
 
-mod common;
+use crate::common;
 
 use common::{ACK, Raw, bottle, open, tcp_command, tcp_message, until, within};
 use yarp_ports::{PortOptions, Queue};

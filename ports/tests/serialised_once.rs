@@ -1,6 +1,6 @@
 //! A message is written once, however many readers there are.
 
-mod common;
+use crate::common;
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 

@@ -1,7 +1,7 @@
 //! Messages through shared memory. Killed peers are tested in `shmem_killed_peers.rs`, the layouts beside the code, live
 //! stock peers in `conformance/live/carriers.py`.
 
-mod common;
+use crate::common;
 
 use common::{Raw, bottle, connect, next, open, until, within};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};

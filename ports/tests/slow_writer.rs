@@ -1,7 +1,7 @@
 //! Writers that send a byte at a time get all their messages through, and delay no others.
 
-mod common;
-mod conversation;
+use crate::common;
+use crate::conversation;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};

@@ -1,6 +1,6 @@
 //! A reader that stops reading delays nobody else.
 
-mod common;
+use crate::common;
 
 use std::time::Duration;
 

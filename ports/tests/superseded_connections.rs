@@ -1,6 +1,6 @@
 //! A newer connection from the same port supersedes the older one.
 
-mod common;
+use crate::common;
 
 use common::{ACK, Raw, bottle, next, open, tcp_header, tcp_message, until};
 use yarp_ports::{PortOptions, Queue};

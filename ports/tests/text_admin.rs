@@ -2,7 +2,7 @@
 //!
 //! Source: recorded traffic of 3.12.3 and 4.0.0 (`text_mode`), and 3.5.0 answering by hand.
 
-mod common;
+use crate::common;
 
 use common::{Raw, bottle, next, open, until};
 use tokio::sync::watch;

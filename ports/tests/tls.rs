@@ -1,6 +1,8 @@
 //! Ports connect over `tls` if both hosts have certificates of the same authority, and with nobody else.
 
-mod common;
+#![cfg(feature = "tls")]
+
+use crate::common;
 
 use std::net::SocketAddr;
 

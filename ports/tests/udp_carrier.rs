@@ -1,6 +1,6 @@
 //! Messages travel in datagrams; other datagrams have no effect.
 
-mod common;
+use crate::common;
 
 use common::{Raw, at, bottle, connect, next, open, until, within};
 use tokio::net::UdpSocket;

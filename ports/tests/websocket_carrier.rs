@@ -1,6 +1,6 @@
 //! A web page at a port: it sends requests and messages, reads, and closes, in WebSocket frames.
 
-mod common;
+use crate::common;
 
 use common::{Raw, bottle, next, open, until, within};
 use yarp_ports::{Answer, Port, PortOptions, Queue};

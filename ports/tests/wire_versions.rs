@@ -1,7 +1,7 @@
 //! Ports of this implementation decode each other's floats, whatever was requested and whichever
 //! side sends them first.
 
-mod common;
+use crate::common;
 
 use common::{bottle, connect, open, within};
 use yarp_ports::{Answer, Port, PortOptions, Received};

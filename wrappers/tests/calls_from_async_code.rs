@@ -1,6 +1,6 @@
 //! The calls of a remote board block, and may still be made where async code runs.
 
-mod support;
+use crate::support;
 
 use support::Stage;
 use tokio::runtime::Builder;

@@ -1,6 +1,6 @@
 //! Commands that are queued while the device executes an earlier one: newer ones drop older ones, others are kept.
 
-mod support;
+use crate::support;
 
 use std::sync::{Arc, Condvar, Mutex};
 

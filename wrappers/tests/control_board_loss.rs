@@ -1,6 +1,6 @@
 //! Every call ends, even if the other side fails.
 
-mod support;
+use crate::support;
 
 use std::time::{Duration, Instant};
 

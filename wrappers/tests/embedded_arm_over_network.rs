@@ -1,6 +1,6 @@
 //! The arm behind its embedded PC, served on a network: driver, server and client in a row, each over TCP.
 
-mod support;
+use crate::support;
 
 use std::sync::Arc;
 

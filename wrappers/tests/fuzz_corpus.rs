@@ -7,9 +7,7 @@ use yarp_wire::message::WireObject;
 use yarp_wire::{Bottle, WireVersion};
 use yarp_wrappers::control_board::messages::{Command, JointData};
 
-#[allow(unreachable_pub)]
-#[path = "../fuzz/src/lib.rs"]
-mod fuzz;
+use crate::fuzz;
 
 fn corpora() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/corpus")
@@ -176,7 +174,7 @@ const HEADS: [&str; 8] = [
 
 /// Writes the files of the corpora that are not finds of the fuzzer.
 ///
-/// `cargo test -p yarp-wrappers --test fuzz_corpus -- --ignored`
+/// `cargo test -p yarp-wrappers fuzz_corpus -- --ignored`
 #[test]
 #[ignore = "writes into the source tree"]
 fn write_seeds() {

@@ -1,6 +1,6 @@
 //! Twenty clients on one board, ten of each wire version, beside one that is stuck and one that sends garbage.
 
-mod support;
+use crate::support;
 
 use std::io::Write;
 use std::net::{Shutdown, TcpStream};

@@ -1,6 +1,6 @@
 //! The end of a move is announced to its client, and never that of another.
 
-mod support;
+use crate::support;
 
 use std::time::Duration;
 

@@ -1,6 +1,6 @@
 //! A program follows a clock on the network, whatever the clock does.
 
-mod support;
+use crate::support;
 
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};

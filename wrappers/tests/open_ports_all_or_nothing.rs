@@ -1,6 +1,6 @@
 //! An error of opening names the port, and nothing stays open.
 
-mod support;
+use crate::support;
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};

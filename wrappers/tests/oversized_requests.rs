@@ -1,6 +1,6 @@
 //! A request or command of more than 256 KiB ends its connection, and the device is served on.
 
-mod support;
+use crate::support;
 
 use support::{Stage, eventually};
 use yarp_devices::{Axes, Encoders};

@@ -1,6 +1,6 @@
 //! One sensor of several channels over a network: read, calibrated, in parts, and lost.
 
-mod support;
+use crate::support;
 
 use std::sync::Arc;
 use std::time::Duration;

@@ -1,6 +1,6 @@
 //! Sensors over a network: served, read by clients of each layout, cast back, and lost.
 
-mod support;
+use crate::support;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};

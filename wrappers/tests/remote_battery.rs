@@ -1,6 +1,6 @@
 //! A battery in another program reads like the battery itself, in the layouts of both stock servers.
 
-mod support;
+use crate::support;
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};

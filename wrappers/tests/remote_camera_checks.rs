@@ -1,6 +1,6 @@
 //! The checks that the local camera passes, on a camera at the other end of a network.
 
-mod support;
+use crate::support;
 
 use std::time::Duration;
 

@@ -1,6 +1,6 @@
 //! The checks that the controller of a tool passes here, passed at the other end of a network.
 
-mod support;
+use crate::support;
 
 use std::sync::Arc;
 use std::time::Duration;

@@ -1,6 +1,6 @@
 //! The checks that the local arm passes, on an arm at the other end of a network.
 
-mod support;
+use crate::support;
 
 use support::{Stage, TEST_TIMEOUT};
 use yarp_devices::checks::Check;

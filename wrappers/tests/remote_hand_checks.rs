@@ -1,7 +1,7 @@
 //! One test body over a hand on a serial line, behind a board, and at the other end of a network; and what can go wrong there.
 #![cfg(unix)]
 
-mod support;
+use crate::support;
 
 use std::error::Error;
 use std::sync::Arc;

@@ -1,7 +1,7 @@
 //! A finger of a simulated hand, on a serial line, moved from the other end of a network.
 #![cfg(unix)]
 
-mod support;
+use crate::support;
 
 use support::{Stage, TEST_TIMEOUT, eventually};
 use yarp_devices::hand::simulated::{SimulatedHand, SimulatedHandOptions};

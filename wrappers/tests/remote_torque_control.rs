@@ -1,7 +1,7 @@
 //! The arm with masses and friction, served on a network: what changes how it pushes and yields reaches it through server and
 //! client, in the words of both wire versions.
 
-mod support;
+use crate::support;
 
 use std::cell::Cell;
 

@@ -1,6 +1,6 @@
 //! The software stop on its port: in front of a flooded control board, and for who has the right only.
 
-mod support;
+use crate::support;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};

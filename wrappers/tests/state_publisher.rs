@@ -1,6 +1,6 @@
 //! States that a server publishes, period by period.
 
-mod support;
+use crate::support;
 
 use std::sync::Arc;
 use std::time::Duration;

@@ -5,10 +5,8 @@ use std::path::{Path, PathBuf};
 
 use yarp_wire::carrier::{ALL, Carrier, Transport};
 
-#[allow(unreachable_pub)]
-#[path = "../fuzz/src/lib.rs"]
-mod fuzz;
-mod seeds;
+use crate::fuzz;
+use crate::seeds;
 
 #[test]
 fn every_corpus_file_passes() {
@@ -107,7 +105,7 @@ fn named(seeds: Vec<Vec<u8>>) -> impl Iterator<Item = (String, Vec<u8>)> {
 
 /// Writes the files of the corpora that are not finds of the fuzzer.
 ///
-/// `cargo test -p yarp-wire --test fuzz_corpus -- --ignored`
+/// `cargo test -p yarp-wire fuzz_corpus -- --ignored`
 #[test]
 #[ignore = "writes into the source tree"]
 fn write_seeds() {

@@ -3,7 +3,7 @@
 //! Bytes marked 3.5 were written by stock YARP 3.5.0; the others are drawn up after the sources of
 //! their versions.
 
-mod typed_common;
+use crate::typed_common;
 
 use bytes::Bytes;
 use typed_common::{bytes, check, refused, text, written};

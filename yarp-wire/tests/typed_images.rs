@@ -2,7 +2,7 @@
 //!
 //! Bytes marked 3.5 were written by stock YARP 3.5.0; images of 3.12.3 and 4.0.0 were recorded.
 
-mod typed_common;
+use crate::typed_common;
 
 use bytes::Bytes;
 use typed_common::{bytes, check, refused, text, written};

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use yarp_demos::teaching::{Boards, MotionFile, MotionFileError, PlayError, Player, Step};
-use yarp_devices::{Axes, DeviceError, Encoders, Mode};
+use yarp_devices::{Axes, Encoders, Mode};
 use yarp_ports::Network;
 use yarp_wrappers::{RemoteControlBoard, RemoteControlBoardOptions, wait_first_value};
 

@@ -1,13 +1,15 @@
-//! What the detector still takes for an object, and what no longer: each tolerance from both sides.
+//! Limits of the detector: each tolerance from both sides.
 
 use std::fmt::Write;
 
-use yarp_table::{DepthNoise, Effects, Finish, Renderer, Scene, Shape};
+use yarp_table::{Finish, Scene, Shape};
 use yarp_vision::simulated::table_setup;
 use yarp_vision::{
     DepthImage, Detector, DetectorParameters, FoundObject, Image, ObjectDatabase, PixelFormat,
     VisionError,
 };
+
+use crate::rendering::rendered;
 
 const MIDDLE: [f64; 2] = [0.55, 0.0];
 
@@ -27,13 +29,8 @@ impl Table {
             };
             scene.put(Shape::Box { size }, x, y, 0.0, finish);
         }
-        let renderer = Renderer::new();
-        let shot = renderer.render(&scene, &scene.camera(), &Effects::none());
-        let depth = renderer.depth(&scene, &scene.depth_camera(), &DepthNoise::default());
-        Self {
-            image: shot.image,
-            depth: DepthImage::new(depth.width, depth.height, depth.metres).unwrap(),
-        }
+        let (image, depth) = rendered(&scene);
+        Self { image, depth }
     }
 
     /// Returns the objects of a database with one kind.

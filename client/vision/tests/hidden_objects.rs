@@ -2,9 +2,11 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use yarp_table::{BrickKind, DepthNoise, Effects, Finish, Renderer, Scene, Shape};
+use yarp_table::{BrickKind, Finish, Scene, Shape};
 use yarp_vision::simulated::{table_database, table_setup};
 use yarp_vision::{CameraModel, DepthImage, Detector, DetectorParameters, FoundObject, Image};
+
+use crate::rendering::rendered;
 
 /// Depth of what hides objects in these tests, m.
 const COVER: f32 = 0.45;
@@ -33,12 +35,10 @@ impl Table {
         };
         scene.put(shape, middle[0], middle[1], yaw, finish);
         above(&mut scene);
-        let renderer = Renderer::new();
-        let shot = renderer.render(&scene, &scene.camera(), &Effects::none());
-        let depth = renderer.depth(&scene, &scene.depth_camera(), &DepthNoise::default());
+        let (image, depth) = rendered(&scene);
         Self {
-            image: shot.image,
-            depth: DepthImage::new(depth.width, depth.height, depth.metres).unwrap(),
+            image,
+            depth,
             middle,
             top: scene.table.surface + 2.0 * shape.half_height(),
         }

@@ -1,0 +1,19 @@
+//! One program of all tests of this crate, one file per behaviour: it is compiled and linked once, and its tests run side by side.
+//! A test that needs a process of its own has an entry in `Cargo.toml` instead.
+
+mod contested_names;
+mod handed_out_port_range;
+mod liveness_states;
+mod liveness_views_agree;
+mod loopback_networks;
+mod multicast_groups;
+mod multiple_name_servers;
+mod name_ownership;
+mod name_server_roles;
+mod names_survive_restart;
+mod recorded_requests;
+mod reregistration;
+mod rpc_replies_by_wire_version;
+mod shared_store;
+mod web_pages;
+mod what_others_may_change;
