@@ -3,6 +3,7 @@
 mod accept_handshake;
 mod datagram_input;
 mod message_handling;
+mod turn;
 
 use std::io;
 use std::net::{IpAddr, SocketAddrV4};
@@ -16,6 +17,7 @@ use yarp_wire::connection::{Acceptor, Event, ProtocolError};
 
 use self::datagram_input::Datagrams;
 use self::message_handling::Step;
+use self::turn::Turn;
 use super::admin_commands::Asking;
 use super::connection_slots::ConnectionSlot;
 use super::connections::Entry;
@@ -167,13 +169,6 @@ const FIRST_REPLY_DELAY: Duration = Duration::from_millis(1);
 
 /// Bytes of answers above which they are sent before the next request is looked at.
 const UNSENT: usize = 128 * 1024;
-
-/// Messages after which other tasks have their turn, however many more have come.
-const TURN: usize = 256;
-/// Messages that one with an answer counts for.
-const ANSWERED: usize = 16;
-/// Bytes of an answer that count for one more message: a status with many connections takes long to write.
-const ANSWER_BYTES: usize = 64;
 
 /// The reason for the end of a connection.
 pub(super) enum End {
@@ -353,7 +348,7 @@ impl Connection {
         if self.datagrams.is_some() {
             return Box::pin(self.run_watched(None)).await;
         }
-        let mut work = 0;
+        let mut turn = Turn::begin(Instant::now());
         loop {
             loop {
                 let unsent = self.output.len();
@@ -391,7 +386,7 @@ impl Connection {
                     }
                 };
                 match next {
-                    Next::Go if self.is_turn_over(&mut work, unsent) => {
+                    Next::Go if self.is_turn_over(&mut turn, unsent) => {
                         if let Err(error) = self.end_turn().await {
                             return error.into();
                         }
@@ -454,20 +449,13 @@ impl Connection {
     }
 
     /// Counts a handled message; returns whether its answers must be sent, or other tasks must run, before the next one.
-    fn is_turn_over(&mut self, work: &mut usize, unsent: usize) -> bool {
+    fn is_turn_over(&self, turn: &mut Turn, unsent: usize) -> bool {
         // A peer that requests much and reads nothing gets no further answers.
         if self.output.len() > UNSENT {
             return true;
         }
-        *work += match self.output.is_empty() {
-            true => 1,
-            false => ANSWERED + self.output.len().saturating_sub(unsent) / ANSWER_BYTES,
-        };
-        let over = *work >= TURN;
-        if over {
-            *work = 0;
-        }
-        over
+        let answer = (!self.output.is_empty()).then(|| self.output.len().saturating_sub(unsent));
+        turn.is_over(answer, Instant::now)
     }
 
     /// Sends the answers if there are many, otherwise lets other tasks run.
