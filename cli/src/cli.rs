@@ -77,7 +77,7 @@ pub(crate) async fn run(
         Ok(cli) => {
             if cli.command.serves() {
                 output::serve();
-                descriptors::raise_limit();
+                open_file_limit::raise_limit();
             }
             let result = cli.command.run(prefixes, out).await;
             // Does nothing unless the command followed a clock.

@@ -1,5 +1,4 @@
-//! Access control for name server requests: the rights that each command needs under the roles in
-//! force.
+//! Access control for name server requests: checks the right that [`Command::rules`] states under the roles in force.
 
 use yarp_ports::roles::{Peer, Right, Roles};
 use yarp_wire::name_service::{Command, Needs, SERVER_CHOOSES};

@@ -5,7 +5,7 @@
 //! and probes registered ports; `web` serves pages and JSON to browsers.
 
 mod access_control;
-mod links;
+mod due_connections;
 pub mod multicast_discovery;
 mod name_request_handler;
 mod name_server;

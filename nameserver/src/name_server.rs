@@ -24,7 +24,7 @@ use yarp_wire::name_service::{Command, DEFAULT_PORT, Registration, Request};
 use yarp_wire::{Bottle, Vocab32};
 
 use crate::access_control;
-use crate::links::{Due, Links};
+use crate::due_connections::{Due, Links};
 use crate::multicast_discovery;
 use crate::name_request_handler::{self, Persistence, RequestHandler};
 use crate::prober;

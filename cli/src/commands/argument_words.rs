@@ -3,7 +3,7 @@
 use yarp_wire::Value;
 use yarp_wire::settings::{Group, Settings};
 
-use crate::exposure::BindArgs;
+use crate::listen_addresses::BindArgs;
 
 /// Removes `option` from the words; returns true if it was there.
 pub(super) fn take_flag(words: &mut Vec<String>, option: &str) -> bool {

@@ -13,7 +13,7 @@ use yarp_wrappers::frame_grabber::Capability;
 use yarp_wrappers::{FrameGrabberOptions, FrameGrabberServer};
 
 use crate::error::Result;
-use crate::exposure::BindArgs;
+use crate::listen_addresses::BindArgs;
 use crate::signals::Interrupt;
 use crate::{network_access, systemd_notify};
 

@@ -11,7 +11,7 @@ use yarp_wire::settings::{Origin, Parameters, Settings};
 use yarp_wire::{Bottle, Value, Vocab32};
 
 use crate::error::Result;
-use crate::exposure::{self, BindArgs};
+use crate::listen_addresses::{self, BindArgs};
 use crate::signals::Interrupt;
 use crate::{network_access, systemd_notify};
 
@@ -192,7 +192,7 @@ async fn serve(
     };
     tracing::info!(target: COMPONENT, "device active in background...");
     if hosted.machine().is_some() {
-        exposure::warn_if_open(network, quit.trim_end_matches("/quit"));
+        listen_addresses::warn_if_open(network, quit.trim_end_matches("/quit"));
     }
     systemd_notify::notify_ready();
     tokio::select! {

@@ -12,7 +12,7 @@ use yarp_wire::PortName;
 use yarp_wrappers::{ControlBoardOptions, ControlBoardServer, HandServer, OpenError, StopServer};
 
 use crate::error::Result;
-use crate::exposure::{self, BindArgs};
+use crate::listen_addresses::{self, BindArgs};
 use crate::network_access;
 use crate::signals::Interrupt;
 use crate::systemd_notify;
@@ -66,7 +66,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let told = writeln!(out, "Hand on {}, served as {}", args.serial, args.name);
     let told = told.and_then(|()| out.flush());
     if told.is_ok() {
-        exposure::warn_if_open(&network, &args.name);
+        listen_addresses::warn_if_open(&network, &args.name);
         systemd_notify::notify_ready();
         interrupt.interrupted().await;
     }

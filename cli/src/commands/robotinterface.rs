@@ -11,7 +11,7 @@ use yarp_wire::{Bottle, Value, Vocab32};
 use yarp_wrappers::thrift::{Item, Message};
 
 use crate::error::Result;
-use crate::exposure::{self, BindArgs};
+use crate::listen_addresses::{self, BindArgs};
 use crate::signals::Interrupt;
 use crate::{network_access, systemd_notify};
 
@@ -149,7 +149,7 @@ async fn live(
     if well {
         tracing::info!(target: COMPONENT, "running happily");
         if robot.has_machine() {
-            exposure::warn_if_open(network, &name);
+            listen_addresses::warn_if_open(network, &name);
         }
         systemd_notify::notify_ready();
         tokio::select! {

@@ -459,7 +459,7 @@ fn seconds(option: &str, text: &str) -> std::result::Result<Option<Duration>, St
 /// Raises the limit of file descriptors as far as the system allows; returns the number left for
 /// clients. The rest is for the database and for connections to ports.
 fn allow_many_connections() -> Option<usize> {
-    let allowed = descriptors::raise_limit()?;
+    let allowed = open_file_limit::raise_limit()?;
     Some(allowed.saturating_sub(OWN_DESCRIPTORS).max(allowed / 2))
 }
 

@@ -22,7 +22,7 @@ use yarp_wrappers::{
 
 use crate::arm_selection::{Arm, ArmArgs, LinkModeArgs};
 use crate::error::{Failure, Result};
-use crate::exposure::{self, BindArgs};
+use crate::listen_addresses::{self, BindArgs};
 use crate::signals::Interrupt;
 use crate::{network_access, stock_log, systemd_notify};
 
@@ -159,7 +159,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     )
     .await;
     if told.is_ok() {
-        exposure::warn_if_open(&base.access.network, &args.name);
+        listen_addresses::warn_if_open(&base.access.network, &args.name);
         systemd_notify::notify_ready();
         interrupt.interrupted().await;
     }

@@ -8,7 +8,7 @@ use yarp_view::{View, ViewOptions};
 use yarp_wire::PortName;
 
 use crate::error::Result;
-use crate::exposure::BindArgs;
+use crate::listen_addresses::BindArgs;
 use crate::signals::Interrupt;
 use crate::{network_access, stock_log, systemd_notify};
 

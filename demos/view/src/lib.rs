@@ -16,18 +16,18 @@
 
 mod board_client;
 mod camera_image;
-mod control;
 mod guiding;
 mod live_view;
 mod log_lines;
 mod mcap;
 mod mesh;
 mod network_status;
+mod page_commands;
 mod page_files;
+mod port_sources;
 mod recorder;
 mod recording_replay;
 mod robot_description;
-mod sources;
 mod view_message;
 mod view_model;
 mod viewer_stream;

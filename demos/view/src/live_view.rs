@@ -6,10 +6,10 @@ use tokio::task::JoinHandle;
 use yarp_ports::{Answer, Network, Port, PortError, PortOptions};
 use yarp_wire::{Bottle, http};
 
-use crate::control::Control;
 use crate::log_lines::LogLines;
+use crate::page_commands::Control;
 use crate::page_files::PageFiles;
-use crate::sources::{Sources, Subscription};
+use crate::port_sources::{Sources, Subscription};
 use crate::view_model::{Model, Role};
 use crate::viewer_stream::ViewerStream;
 

@@ -22,7 +22,7 @@ use yarp_wire::{Bottle, Value};
 
 use crate::camera_image;
 use crate::page_files::PageFiles;
-use crate::sources::Sources;
+use crate::port_sources::Sources;
 use crate::view_model::Model;
 
 /// Interval between two looks for new data while somebody watches.

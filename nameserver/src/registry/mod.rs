@@ -18,10 +18,12 @@
 mod allocator;
 mod budget;
 mod change;
+mod durable_state;
 mod fixed_replies;
 mod liveness;
 mod lookup;
 mod ownership;
+mod persistent_connection_commands;
 mod persistent_connections;
 mod properties;
 mod register;
@@ -29,9 +31,7 @@ mod registry_limits;
 #[cfg(test)]
 mod registry_tests;
 mod reply_and_effects;
-mod stored;
 mod subnets;
-mod subscribe;
 
 use std::collections::BTreeMap;
 use std::net::IpAddr;
@@ -45,15 +45,15 @@ use yarp_wire::name_service::{
 use allocator::{AnonymousNames, MulticastGroups, PortNumbers};
 use budget::{Account, Charge, Enforce};
 use liveness::LivenessRecord;
+use persistent_connection_commands::Definition;
 use persistent_connections::PersistentConnections;
 use properties::{Pool, Properties};
-use subscribe::Definition;
 
+pub use durable_state::Change;
+pub(crate) use durable_state::{Item, ItemValue};
 pub use liveness::{ClaimResult, Liveness, PortStatus, Probe, ProbeResult};
 pub use registry_limits::{Capacity, Refusal};
 pub use reply_and_effects::{Body, Effect, Link, Reply};
-pub use stored::Change;
-pub(crate) use stored::{Item, ItemValue};
 pub use subnets::Subnet;
 
 /// Returns the name in a contact such as `tcp://name`, as used in persistent connections.

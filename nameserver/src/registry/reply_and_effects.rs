@@ -3,8 +3,8 @@
 use yarp_wire::name_service::{END, Registration};
 use yarp_wire::{Bottle, Vocab32};
 
+use super::durable_state::Change;
 use super::registry_limits::Refusal;
-use super::stored::Change;
 
 /// Reply to one request.
 #[derive(Clone, Debug, PartialEq)]

@@ -5,8 +5,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use yarp_wire::Bottle;
 
 use super::connections::Connections;
-use super::connector::Connector;
 use super::dispatch::Dispatcher;
+use super::output_connector::Connector;
 use super::port_context::PortContext;
 
 /// Answers admin requests and text commands; holds the properties that peers set.

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use super::administration::Administration;
 use super::connections::Connections;
-use super::connector::Connector;
 use super::dispatch::Dispatcher;
+use super::output_connector::Connector;
 use super::port_context::PortContext;
 
 /// A port: its connections, the dispatch of arriving messages, and its administration.

@@ -1,6 +1,6 @@
-//! Rules that depend on the command alone.
+//! Types of the rules that depend on the command alone.
 //!
-//! [`Command::rules`](super::Command::rules) is the one table of these decisions. Access checks, the
+//! The table itself is [`Command::rules`](super::Command::rules), in `command.rs`. Access checks, the
 //! store that several servers share, the probe of the holder of a name, the choice between a reply
 //! of lines and of one bottle, and the replies to datagrams are all derived from it.
 

@@ -19,7 +19,7 @@ use yarp_planning::PlanError;
 use crate::filling::Filling;
 use crate::grasp::{Grasp, GraspOptions};
 use crate::item::Item;
-use crate::posture::{PostureError, PostureSolver};
+use crate::low_torque_ik::{PostureError, PostureSolver};
 use crate::stop_request::{Stop, StopRequest};
 use crate::surroundings::Surroundings;
 use crate::workcell::{Workcell, WorkcellError};

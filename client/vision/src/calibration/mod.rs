@@ -19,7 +19,7 @@ mod calibration_error;
 mod calibration_report;
 mod camera_check;
 mod chessboard;
-mod figure;
+mod error_figure;
 mod files;
 mod hand_eye;
 mod intrinsic_calibration;
@@ -37,7 +37,7 @@ pub use calibration_report::{
 };
 pub use camera_check::{CameraReference, Displacement};
 pub use chessboard::{Detection, detect};
-pub use figure::write_figure;
+pub use error_figure::write_figure;
 pub use files::CalibrationFile;
 pub use hand_eye::{MIN_VIEWS, Method, solve};
 pub use intrinsic_calibration::{

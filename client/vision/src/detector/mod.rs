@@ -14,14 +14,14 @@
 //! | `print_recognition` | SIFT features of a face against prints |
 
 mod database;
-mod examine;
+mod face_to_object;
 mod height_map;
 mod outline;
 mod partial_faces;
 mod partial_polygon;
 mod print_recognition;
 mod refine;
-mod sight;
+mod visibility;
 
 use std::sync::{Mutex, OnceLock};
 
@@ -34,10 +34,10 @@ use crate::{
     RecogniserParameters, Result, Shape, VisionError, mat, recognition,
 };
 use database::HEIGHT_TOLERANCE;
-use examine::Examiner;
+use face_to_object::Examiner;
 use height_map::{DepthRays, FaceLimits, HeightMap};
 use print_recognition::Print;
-use sight::DepthView;
+use visibility::DepthView;
 
 /// Cameras and table of a [`Detector`].
 #[derive(Clone, Debug, PartialEq)]

@@ -4,7 +4,7 @@ use std::sync::PoisonError;
 
 use opencv::core::Mat;
 
-use super::examine::{Examiner, Named, sides};
+use super::face_to_object::{Examiner, Named, sides};
 use super::height_map::Face;
 use super::outline::{Outline, RimPoint};
 use super::partial_polygon::PartialPolygon;

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use super::outline::{Outline, RimPoint};
-use super::sight::{DepthView, Sight};
+use super::visibility::{DepthView, Sight};
 use crate::circle_fit::mean;
 
 /// Largest distance of a rim point from its side, m.

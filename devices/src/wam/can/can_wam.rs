@@ -369,8 +369,7 @@ impl ArmDevice<CanArm> {
             thread::scope(|scope| {
                 if let Some(path) = &options.position_file {
                     let keeper = thread::Builder::new().name("can-wam-position".into());
-                    let started =
-                        keeper.spawn_scoped(scope, || position_record::keep(shared, path));
+                    let started = keeper.spawn_scoped(scope, || position_file::keep(shared, path));
                     if let Err(error) = started {
                         warn!(%error, "no thread to keep the last known position of the arm");
                     }

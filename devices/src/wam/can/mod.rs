@@ -10,7 +10,7 @@
 //! 3. `can_wam.rs`: when the bus or a puck fails, commands the safety module to brake the arm, names the failed step
 //!    and the node, and reconnects.
 //!
-//! 4. `position_record.rs`: keeps the last known position in a file, with which the next start compares that of the pucks.
+//! 4. `position_file.rs`: keeps the last known position in a file, with which the next start compares that of the pucks.
 //!
 //! No lock is held while waiting for the bus: calls of the device wait for the computation of a period at most.
 
@@ -20,7 +20,7 @@ mod can_options;
 mod can_variables;
 mod can_wam;
 mod control_cycle;
-mod position_record;
+mod position_file;
 mod property_request;
 mod puck_bus;
 mod zero_calibration;

@@ -11,11 +11,11 @@
 //! | `film` | what lens and sensor add |
 
 mod cast;
-mod film;
 mod light;
 mod material;
 mod primitive;
 mod scene_geometry;
+mod sensor_effects;
 mod tile;
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -125,7 +125,7 @@ impl Renderer {
             whole: &picture.whole,
         };
         let truth = truth::of_picture(scene, camera, owners, &seen);
-        let bytes = film::develop(picture.light, camera.lens.width, effects);
+        let bytes = sensor_effects::develop(picture.light, camera.lens.width, effects);
         let image = Image::new(
             PixelFormat::Rgb,
             camera.lens.width,

@@ -14,9 +14,9 @@
 #[macro_use]
 mod remote_interface;
 
+mod argument_checks;
 mod board_link;
 mod board_requests;
-mod checked;
 mod latest_state;
 mod pid_interface;
 mod remote_board_interfaces;

@@ -12,7 +12,7 @@ use yarp_wire::WireVersion;
 use super::super::messages::{
     Action, Choices, Get, Outcome, Quantity, Query, Selection, SentMotorParameters, Set, Setting,
 };
-use super::checked::Checked;
+use super::argument_checks::Checked;
 
 /// Timeout of parking.
 const HOMING_TIMEOUT: Duration = Duration::from_secs(120);

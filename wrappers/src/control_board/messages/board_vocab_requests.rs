@@ -17,8 +17,8 @@ use super::board_request::{Get, Malformed, Request};
 use super::board_vocabulary as word;
 use super::number_parsing;
 use super::pid_messages;
+use super::request_spelling::Spelling;
 use super::request_table::{Action, Place, Row, Set, Setting, is_prefix};
-use super::spelling::Spelling;
 
 const V3: WireVersion = WireVersion::V3;
 

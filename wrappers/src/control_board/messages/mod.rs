@@ -32,9 +32,9 @@ mod motion_update;
 mod number_parsing;
 mod pid_messages;
 mod reply_layout;
+mod request_spelling;
 mod request_table;
 mod results;
-mod spelling;
 mod streaming_command;
 mod variable_value;
 
@@ -47,9 +47,9 @@ pub use extended_state::{Field, JointData};
 pub use motion_update::{MotionEnd, MotionState, MotionUpdate, Numbered};
 pub(crate) use number_parsing::{axis, count, float, floats, integer};
 pub(crate) use reply_layout::read_flag;
+pub(crate) use request_spelling::Spelling;
 pub use request_table::{Action, Quantity, Query, Set, Setting};
 pub(crate) use results::{Choices, Outcome};
-pub(crate) use spelling::Spelling;
 pub use streaming_command::{Command, StreamingCommand};
 
 #[cfg(test)]

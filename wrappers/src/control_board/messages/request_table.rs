@@ -13,8 +13,8 @@ use yarp_wire::{Bottle, Vocab32};
 
 use super::axis_selection::{Form, Forms, Selection};
 use super::board_arguments::{Argument, Arguments, CallLayout, SentMotorParameters};
+use super::request_spelling::Spelling;
 use super::results::{Choices, Outcome};
-use super::spelling::Spelling;
 use crate::thrift::Item;
 
 /// The kind of control loop of a request, if its row has one.

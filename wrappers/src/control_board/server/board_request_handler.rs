@@ -14,8 +14,8 @@ use super::super::messages::{
     Get, Malformed, MotionUpdate, ProtocolVersion, Query, Reply, Request, Set,
 };
 use super::command_queue::CommandQueue;
+use super::command_submission::{PendingCommand, ReplyTiming, Submission};
 use super::motion_tracker::MotionTracker;
-use super::submit::{PendingCommand, ReplyTiming, Submission};
 use super::{help_text, supported_interfaces};
 use crate::thrift::{Item, Message, ReturnCode, ServiceVersion};
 use yarp_devices::clock;

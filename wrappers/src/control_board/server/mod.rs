@@ -14,12 +14,12 @@
 
 mod board_request_handler;
 mod command_queue;
+mod command_submission;
 mod deadline_monitor;
 mod execute;
 mod help_text;
 mod motion_tracker;
 mod state_publisher;
-mod submit;
 mod supported_interfaces;
 
 use std::io;

@@ -9,7 +9,7 @@ use super::height_map::Face;
 use super::outline::{self, Outline};
 use super::partial_polygon::MIN_FREE;
 use super::print_recognition::{Print, RectifiedFace};
-use super::sight::DepthView;
+use super::visibility::DepthView;
 use super::{
     DetectorParameters, DetectorSetup, FoundObject, KindFace, ObjectDatabase, ObjectKind, refine,
 };
