@@ -215,7 +215,7 @@ async fn names_have_address_state_process_and_type() {
     assert_eq!(alive["type"], "yarp/vector");
     assert_eq!(alive["process"]["pid"], std::process::id());
     let program = alive["process"]["name"].as_str().unwrap();
-    assert!(program.contains("web"), "{program}");
+    assert!(program.contains("nameserver_tests"), "{program}");
     let accepts = alive["accepts"].as_array().unwrap();
     assert!(accepts.contains(&"fast_tcp".into()), "{accepts:?}");
     let reason = entry(&names, "/gone")["reason"].as_str().unwrap();
