@@ -1,7 +1,7 @@
 //! Connections that stop in the middle of anything cost others nothing; those that stop before their header is complete
 //! end after the timeout of the header, the others stay.
 
-use crate::common;
+mod common;
 
 use std::time::Duration;
 

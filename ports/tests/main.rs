@@ -16,7 +16,6 @@ mod datagram_sources;
 mod dedicated_threads;
 mod every_carrier;
 mod fuzz_corpus;
-mod half_open;
 mod http_browsers;
 mod invalid_connections;
 mod key_authentication;
