@@ -10,7 +10,7 @@ use yarp_wrappers::network_time;
 use crate::commands::Command;
 use crate::error::Result;
 use crate::stock_format::complain;
-use crate::{descriptors, output};
+use crate::{open_file_limit, output};
 
 /// Exit code for an unknown command, as in stock.
 const NO_SUCH_COMMAND: u8 = 255;

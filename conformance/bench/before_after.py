@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Compares the benchmark's peers of two builds, in turn: round trips and one-way rates.
 
-    before_after.py BEFORE AFTER YARP [--rounds N]
+    before_after.py BEFORE AFTER YARP [--rounds N] [--only TEXT]
 
 BEFORE and AFTER are `target/release/bench` of two commits, YARP is the program whose name server both use. Each
 round measures both, and the order changes from round to round. Each row has the median of each build, the median of
@@ -107,6 +107,7 @@ def main():
     parser.add_argument("after")
     parser.add_argument("yarp")
     parser.add_argument("--rounds", type=int, default=20)
+    parser.add_argument("--only", default="", help="part of the names of the rows to measure")
     options = parser.parse_args()
     programs = (os.path.abspath(options.before), os.path.abspath(options.after))
     with tempfile.TemporaryDirectory() as work:
@@ -118,13 +119,13 @@ def main():
                 if subprocess.run([options.yarp, "where"], capture_output=True).returncode == 0:
                     break
                 time.sleep(0.1)
-            return compare(programs, options.rounds)
+            return compare(programs, options.rounds, options.only)
         finally:
             server.terminate()
             server.wait()
 
 
-def compare(programs, rounds):
+def compare(programs, rounds, only):
     names = (f"/before-after/{number}" for number in range(10**9))
 
     def in_turn(measure):
@@ -136,11 +137,14 @@ def compare(programs, rounds):
 
     print(f"{'':<28}{'before':>14}{'after':>14}{'ratio':>9}   95 %")
     worse = False
-    before, after = in_turn(round_trip)
-    for index, what in enumerate(("p50", "p99")):
-        label = f"call over tcp, {what}, µs"
-        worse |= report(label, [run[index] for run in before], [run[index] for run in after], True)
+    if only in "call over tcp":
+        before, after = in_turn(round_trip)
+        for index, what in enumerate(("p50", "p99")):
+            label = f"call over tcp, {what}, µs"
+            worse |= report(label, [run[index] for run in before], [run[index] for run in after], True)
     for carrier, size, count in ONE_WAY:
+        if only not in f"{carrier}, {size} bytes":
+            continue
         before, after = in_turn(lambda program, name: one_way(program, name, carrier, size, count))
         worse |= report(f"{carrier}, {size} bytes, 1/s", before, after, False)
     return 1 if worse else 0

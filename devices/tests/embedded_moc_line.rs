@@ -31,7 +31,9 @@ fn start_at(arm: &SimulatedWam, joints: [f64; 7]) {
     arm.set_control_modes(Axes::All, &[Mode::PositionDirect; 7])
         .unwrap();
     arm.set_direct_positions(Axes::All, &degrees).unwrap();
-    eventually("the start", || (place(arm, 1) - degrees[1]).abs() < 1e-6);
+    eventually("the start", || {
+        (0..).zip(degrees).all(|(joint, there)| (place(arm, joint) - there).abs() < 1e-6)
+    });
     arm.set_control_modes(Axes::All, &[Mode::Position; 7])
         .unwrap();
 }

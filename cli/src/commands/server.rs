@@ -21,7 +21,7 @@ use crate::error::Result;
 use crate::output::error_line;
 use crate::signals::Interrupt;
 use crate::stock_format::{complain, leading_integer};
-use crate::{descriptors, systemd_notify};
+use crate::{open_file_limit, systemd_notify};
 
 const BANNER: &str = r"
      ==========================

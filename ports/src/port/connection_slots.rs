@@ -327,6 +327,7 @@ impl KnownWriter {
 
 impl ConnectionSlot {
     /// Takes note of a message, or of the end of a wait for a reply.
+    #[inline]
     pub(super) fn spoke(&mut self) {
         // Nobody else writes these two.
         let count = self.activity.count.load(Relaxed);

@@ -12,7 +12,7 @@ use super::arm_startup::{Attempt, connect};
 use super::control_cycle::ControlCycle;
 use super::property_request::PropertyRequest;
 use super::{
-    CanError, CanErrorKind, CanOptions, PositionRecord, can_variables, position_record,
+    CanError, CanErrorKind, CanOptions, PositionRecord, can_variables, position_file,
     property_request,
 };
 use crate::can::puck::{Node, Pendant, PuckProperty};
