@@ -16,9 +16,11 @@ pub struct Scanner {
     wire_version: WireVersion,
     limits: Limits,
     at: usize,
-    levels: SmallVec<[Level; INLINE_LEVELS]>,
+    /// The innermost list; none at the start.
+    list: Option<Level>,
+    /// The lists around it.
+    around: SmallVec<[Level; INLINE_LEVELS]>,
     version_detected: bool,
-    started: bool,
     values: u64,
     /// Minimum length of the bottle, when bytes were last missing.
     at_least: usize,
@@ -32,6 +34,14 @@ const INLINE_LEVELS: usize = 4;
 struct Level {
     unit: Option<Code>,
     left: u32,
+}
+
+/// What a scan has passed over.
+enum Passed {
+    /// The rest of the innermost list.
+    List,
+    /// The head of an item, which is a list itself.
+    HeadOf(Level),
 }
 
 /// The progress of a scan.
@@ -58,9 +68,9 @@ impl Scanner {
             wire_version,
             limits,
             at: 0,
-            levels: SmallVec::new(),
+            list: None,
+            around: SmallVec::new(),
             version_detected: false,
-            started: false,
             values: 0,
             at_least: 0,
         }
@@ -69,23 +79,33 @@ impl Scanner {
     /// Continues the scan over `bytes`, which begin at the start of the bottle and hold at least
     /// the bytes of earlier calls.
     pub fn scan(&mut self, bytes: &[u8]) -> Result<Scan, DecodeError> {
-        if !self.started {
-            let Some(code) = number(bytes, 0) else {
-                return Ok(Scan::Needs { at_least: 8 });
-            };
-            if self.open(bytes, code, 4)?.is_none() {
-                return Ok(self.needs());
+        let mut list = match self.list {
+            Some(list) => list,
+            None => {
+                let Some(code) = number(bytes, 0) else {
+                    return Ok(Scan::Needs { at_least: 8 });
+                };
+                let Some(list) = self.open(bytes, code, 4, 0)? else {
+                    return Ok(self.needs());
+                };
+                list
             }
-            self.started = true;
-        }
-        while let Some(level) = self.levels.last().copied() {
-            if level.left == 0 {
-                self.levels.pop();
-            } else if self.items(bytes, level)?.is_none() {
-                return Ok(self.needs());
+        };
+        loop {
+            let entered = self.items(bytes, &mut list);
+            self.list = Some(list);
+            match entered? {
+                None => return Ok(self.needs()),
+                Some(Passed::List) => match self.around.pop() {
+                    Some(outer) => list = outer,
+                    None => return Ok(Scan::Complete { length: self.at }),
+                },
+                Some(Passed::HeadOf(inner)) => {
+                    self.around.push(list);
+                    list = inner;
+                }
             }
         }
-        Ok(Scan::Complete { length: self.at })
     }
 
     /// Returns whether the scan met a kind that only one wire version reads as intended.
@@ -98,15 +118,21 @@ impl Scanner {
         self.values
     }
 
-    /// Enters a list whose code has been read and whose count is at `at`.
-    fn open(&mut self, bytes: &[u8], code: i32, at: usize) -> Ready<(), DecodeError> {
+    /// Passes the head of a list whose code has been read and whose count is at `at`, inside of `depth` others.
+    fn open(
+        &mut self,
+        bytes: &[u8],
+        code: i32,
+        at: usize,
+        depth: usize,
+    ) -> Ready<Level, DecodeError> {
         let unit =
             Code::of_items(code, self.wire_version).map_err(|code| DecodeError::UnknownCode {
                 code,
                 at: at - 4,
                 wire_version: self.wire_version,
             })?;
-        if self.levels.len() >= self.limits.depth {
+        if depth >= self.limits.depth {
             return Err(DecodeError::TooDeep {
                 limit: self.limits.depth,
             });
@@ -119,31 +145,28 @@ impl Scanner {
         {
             self.version_detected |= unit.is_version_specific();
         }
+        // A negative count reads as none, as in stock.
+        let left = count.max(0) as u32;
         self.at = at + 4;
-        self.values = self.values.saturating_add(count.max(0) as u64);
-        self.levels.push(Level {
-            unit,
-            // A negative count reads as none, as in stock.
-            left: count.max(0) as u32,
-        });
-        Ok(Some(()))
+        self.values = self.values.saturating_add(left.into());
+        Ok(Some(Level { unit, left }))
     }
 
     /// Passes over items of the innermost list until it ends, opens another or runs out of bytes.
-    fn items(&mut self, bytes: &[u8], level: Level) -> Ready<(), DecodeError> {
-        if let Some(width) = level.unit.and_then(Code::width) {
-            let end = self.at + width * level.left as usize;
+    fn items(&mut self, bytes: &[u8], list: &mut Level) -> Ready<Passed, DecodeError> {
+        if let Some(width) = list.unit.and_then(Code::width) {
+            let end = self.at + width * list.left as usize;
             self.within(end)?;
             if bytes.len() < end {
                 return Ok(self.missing(end));
             }
             self.at = end;
-            self.set_left(0);
-            return Ok(Some(()));
+            list.left = 0;
+            return Ok(Some(Passed::List));
         }
-        for left in (0..level.left).rev() {
+        while list.left > 0 {
             let mut at = self.at;
-            let code = match level.unit {
+            let code = match list.unit {
                 Some(code) => code,
                 None => {
                     let Some(code) = number(bytes, at) else {
@@ -157,7 +180,7 @@ impl Scanner {
                             wire_version: self.wire_version,
                         })?;
                     if kind == Code::List {
-                        return self.nested(bytes, code, at, left);
+                        return self.nested(bytes, code, at, list);
                     }
                     kind
                 }
@@ -167,7 +190,7 @@ impl Scanner {
                     let Some(code) = number(bytes, at) else {
                         return Ok(self.missing(at + 8));
                     };
-                    return self.nested(bytes, code, at + 4, left);
+                    return self.nested(bytes, code, at + 4, list);
                 }
                 (_, Some(width)) => at + width,
                 (_, None) => {
@@ -185,23 +208,29 @@ impl Scanner {
             }
             self.version_detected |= code.is_version_specific();
             self.at = end;
-            self.set_left(left);
+            list.left -= 1;
         }
-        Ok(Some(()))
+        Ok(Some(Passed::List))
     }
 
-    /// Enters a list that is an item; the list around it has `left` items after it.
-    fn nested(&mut self, bytes: &[u8], code: i32, at: usize, left: u32) -> Ready<(), DecodeError> {
-        let around = self.levels.len() - 1;
-        let entered = self.open(bytes, code, at)?;
+    /// Passes the head of a list that is an item of `outer`.
+    fn nested(
+        &mut self,
+        bytes: &[u8],
+        code: i32,
+        at: usize,
+        outer: &mut Level,
+    ) -> Ready<Passed, DecodeError> {
+        let depth = self.around.len() + 1;
+        let entered = self.open(bytes, code, at, depth)?;
         if entered.is_some() {
-            self.levels[around].left = left;
+            outer.left -= 1;
         }
-        Ok(entered)
+        Ok(entered.map(Passed::HeadOf))
     }
 
     /// Takes note that the bottle is longer than what has arrived.
-    fn missing(&mut self, at_least: usize) -> Option<()> {
+    fn missing<T>(&mut self, at_least: usize) -> Option<T> {
         self.at_least = at_least;
         None
     }
@@ -209,12 +238,6 @@ impl Scanner {
     fn needs(&self) -> Scan {
         let at_least = self.at_least;
         Scan::Needs { at_least }
-    }
-
-    fn set_left(&mut self, left: u32) {
-        if let Some(level) = self.levels.last_mut() {
-            level.left = left;
-        }
     }
 
     fn within(&self, end: usize) -> Result<(), DecodeError> {
