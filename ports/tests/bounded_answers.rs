@@ -108,7 +108,8 @@ async fn others_have_their_turn_among_many_messages() {
         }
     };
     within(watching).await;
-    assert!(most <= 1024, "{most} at once");
+    // A turn lasts 500 µs; a message takes more than 61 ns.
+    assert!(most <= 8192, "{most} at once");
     drop(sending.await);
     within(port.close()).await;
 }
