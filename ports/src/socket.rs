@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use bytes::{BufMut, BytesMut};
 use socket2::{SockRef, TcpKeepalive};
-use tokio::net::{TcpListener, TcpStream, UdpSocket};
+use tokio::net::{TcpStream, UdpSocket};
 
 use crate::error::PortError;
 use crate::latency::{Optimisation, Tcp};
@@ -166,20 +166,7 @@ const KEEPALIVE_PROBES: u32 = 4;
 
 /// Small messages go out at once, and a host that vanished is noticed.
 pub(crate) fn prepare(stream: &TcpStream) -> io::Result<()> {
-    prepare_socket(&SockRef::from(stream))
-}
-
-/// Prepares like [`prepare`] all connections accepted by a listener, if the system inherits the
-/// settings; returns whether it does.
-///
-/// Source: tcp(7) of Linux; saves five system calls per connection.
-pub(crate) fn prepare_all(listener: &TcpListener) -> bool {
-    cfg!(target_os = "linux")
-        && Optimisation::InheritedOptions.is_enabled()
-        && prepare_socket(&SockRef::from(listener)).is_ok()
-}
-
-fn prepare_socket(socket: &SockRef<'_>) -> io::Result<()> {
+    let socket = SockRef::from(stream);
     socket.set_tcp_nodelay(Optimisation::NoDelay.is_enabled())?;
     let asking = TcpKeepalive::new()
         .with_time(KEEPALIVE_IDLE)
@@ -318,19 +305,21 @@ pub(crate) async fn within<T>(
 mod tests {
     use super::*;
 
-    #[cfg(target_os = "linux")]
     #[tokio::test]
-    async fn connections_have_the_settings_of_their_listener() {
-        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
-        assert!(prepare_all(&listener));
+    async fn a_prepared_connection_sends_at_once_and_probes_an_idle_peer() {
+        let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
         let address = listener.local_addr().unwrap();
         let (accepted, connected) = tokio::join!(listener.accept(), TcpStream::connect(address));
         let (accepted, _) = accepted.unwrap();
+        prepare(&accepted).unwrap();
         let socket = SockRef::from(&accepted);
         assert!(socket.tcp_nodelay().unwrap() && socket.keepalive().unwrap());
-        assert_eq!(socket.tcp_keepalive_time().unwrap(), KEEPALIVE_IDLE);
-        assert_eq!(socket.tcp_keepalive_interval().unwrap(), KEEPALIVE_INTERVAL);
-        assert_eq!(socket.tcp_keepalive_retries().unwrap(), KEEPALIVE_PROBES);
+        #[cfg(target_os = "linux")]
+        {
+            assert_eq!(socket.tcp_keepalive_time().unwrap(), KEEPALIVE_IDLE);
+            assert_eq!(socket.tcp_keepalive_interval().unwrap(), KEEPALIVE_INTERVAL);
+            assert_eq!(socket.tcp_keepalive_retries().unwrap(), KEEPALIVE_PROBES);
+        }
         drop(connected.unwrap());
     }
 }

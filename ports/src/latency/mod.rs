@@ -10,11 +10,10 @@
 //! | --- | --- | --- | --- |
 //! | `busy-poll` | a thread that expects bytes soon polls for them before it sleeps | `busy_poll` | |
 //! | `yield` | a polling thread yields to the peer, which may wait for its processor | `busy_poll` | machines with few processors |
-//! | `gather` | small unrequested messages are left in the socket for 20 µs and read together | `busy_poll` | |
+//! | `gather` | small unrequested messages are left in the socket for 20 µs and read together | `busy_poll` | small messages of stock's writers |
 //! | `suppress-wakeups` | bytes for a polling thread wake no other one | `tcp_stream`, `unix_socket` | |
-//! | `low-water-mark` | a large message wakes its reader once many bytes are there | `tcp_stream` | |
+//! | `low-water-mark` | a large message wakes its reader once many bytes are there | `tcp_stream` | large messages of stock's writers |
 //! | `no-delay` | TCP sends small messages at once (`TCP_NODELAY`) | `socket` | acknowledged messages, which wait for delayed acknowledgements otherwise |
-//! | `inherited-options` | accepted sockets inherit their options: five system calls fewer | `socket` | |
 //! | `unix-write-poll` | a writer polls for room in a Unix socket, which reports it late | `stream_output` | |
 //! | `unix-send-buffer` | a Unix socket has a send buffer of 300 kB | `unix_socket` | |
 //! | `shmem-poll` | an end of shared memory polls before it sleeps | `shmem` | |

@@ -13,7 +13,6 @@ pub(crate) enum Optimisation {
     SuppressWakeups,
     LowWaterMark,
     NoDelay,
-    InheritedOptions,
     UnixWritePoll,
     UnixSendBuffer,
     #[cfg_attr(
@@ -61,14 +60,13 @@ impl Optimisation {
 
 /// Names of the optimisations in `YARP_LATENCY_WITHOUT`.
 #[cfg(feature = "latency-ablation")]
-const ALL: [(Optimisation, &str); 18] = [
+const ALL: [(Optimisation, &str); 17] = [
     (Optimisation::BusyPoll, "busy-poll"),
     (Optimisation::Yield, "yield"),
     (Optimisation::Gather, "gather"),
     (Optimisation::SuppressWakeups, "suppress-wakeups"),
     (Optimisation::LowWaterMark, "low-water-mark"),
     (Optimisation::NoDelay, "no-delay"),
-    (Optimisation::InheritedOptions, "inherited-options"),
     (Optimisation::UnixWritePoll, "unix-write-poll"),
     (Optimisation::UnixSendBuffer, "unix-send-buffer"),
     (Optimisation::ShmemPoll, "shmem-poll"),

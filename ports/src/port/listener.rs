@@ -137,15 +137,12 @@ pub(super) async fn listen(parts: Arc<Parts>, listener: TcpListener) {
     let mut awaits_headers = false;
     let failures = LogLimit::new(1, ACCEPT_LOG_INTERVAL);
     let refusals = LogLimit::new(1, ACCEPT_LOG_INTERVAL);
-    let prepared = socket::prepare_all(&listener);
     loop {
         tokio::select! {
             accepted = listener.accept(), if is_open => match accepted {
                 Ok((stream, peer)) => {
-                    if !prepared {
-                        // Without it small messages are late, but they come.
-                        let _ = socket::prepare(&stream);
-                    }
+                    // Without it small messages are late, but they come.
+                    let _ = socket::prepare(&stream);
                     let guard = match &table {
                         None => None,
                         Some(table) => match table.admit(Instant::now()) {

@@ -43,14 +43,13 @@ const SHMEM: Workload = OneWay("shmem", 16, 100_000);
 const SHMEM_LARGE: Workload = OneWay("shmem", 1_000_000, 1000);
 
 /// Name of each optimisation, and what it is for.
-const OPTIMISATIONS: [(&str, &[Workload]); 18] = [
+const OPTIMISATIONS: [(&str, &[Workload]); 17] = [
     ("busy-poll", &[Call("tcp"), TCP, Call("unix_stream")]),
     ("yield", &[Call("tcp"), TCP, Call("shmem")]),
     ("gather", &[FAST, UNIX]),
     ("suppress-wakeups", &[Call("tcp"), TCP, FAST, UNIX]),
     ("low-water-mark", &[FAST_LARGE]),
     ("no-delay", &[Call("tcp"), TCP, FAST, Periodic]),
-    ("inherited-options", &[Connection]),
     ("unix-write-poll", &[UNIX, UNIX_LARGE]),
     ("unix-send-buffer", &[UNIX, UNIX_LARGE]),
     ("shmem-poll", &[Call("shmem"), SHMEM, SHMEM_LARGE]),
