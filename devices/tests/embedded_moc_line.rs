@@ -32,7 +32,9 @@ fn start_at(arm: &SimulatedWam, joints: [f64; 7]) {
         .unwrap();
     arm.set_direct_positions(Axes::All, &degrees).unwrap();
     eventually("the start", || {
-        (0..).zip(degrees).all(|(joint, there)| (place(arm, joint) - there).abs() < 1e-6)
+        (0..)
+            .zip(degrees)
+            .all(|(joint, there)| (place(arm, joint) - there).abs() < 1e-6)
     });
     arm.set_control_modes(Axes::All, &[Mode::Position; 7])
         .unwrap();
