@@ -11,7 +11,7 @@
 //! | time until a connection's header is complete | 30 s | [`ProcessLimits::header_timeout`], [`PortOptions::connection_limits`](crate::PortOptions::connection_limits) |
 //! | each step of the handshake of keys | 2 s | - |
 //! | bytes of incomplete messages beyond 1 MiB each, all connections together | 1.5 GiB | [`ProcessLimits::incoming_bytes`] |
-//! | bytes that compressed messages and pictures are expanded to, all together | 48 MiB | [`ProcessLimits::expanded_bytes`] |
+//! | bytes that compressed messages, until they are dropped, and pictures, while they are decoded, expand to, all together | 48 MiB | [`ProcessLimits::expanded_bytes`] |
 //! | expansions at a time | half of the processors | - |
 //! | monitors of a connection; of these, expansions | 16; 1 | - |
 //! | properties of a port | 1024, 64 KiB in all | - |
@@ -76,7 +76,8 @@ pub struct ProcessLimits {
     pub header_timeout: Duration,
     /// Bytes of incomplete messages beyond [`SMALL_MESSAGE`] each, of all connections together.
     pub incoming_bytes: usize,
-    /// Bytes that compressed messages and pictures are expanded to, all together, until their readers have dropped them.
+    /// Bytes that compressed messages and pictures are expanded to, all together: messages until their readers have
+    /// dropped them, pictures while they are decoded. A decoded picture waits in the queue of its reader as any message.
     pub expanded_bytes: usize,
 }
 

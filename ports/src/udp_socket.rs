@@ -151,3 +151,20 @@ fn bound(
     socket.bind(&address.into())?;
     UdpSocket::from_std(socket.into())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_group_hears_the_host_of_its_writer() {
+        let far: IpAddr = "203.0.113.7".parse().unwrap();
+        assert_eq!(Sources::of_group(far), Sources::Hosts(vec![far]));
+        // A writer of this machine sends from whichever interface the group has.
+        let Sources::Hosts(hosts) = Sources::of_group(Ipv4Addr::LOCALHOST.into()) else {
+            panic!("the hosts of a group");
+        };
+        assert!(addresses::all().iter().all(|own| hosts.contains(own)));
+        assert!(!hosts.contains(&far) && !hosts.contains(&"127.0.0.66".parse().unwrap()));
+    }
+}

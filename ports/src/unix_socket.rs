@@ -345,6 +345,32 @@ mod tests {
     }
 
     #[tokio::test]
+    async fn the_socket_is_private() {
+        let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let initiator = TcpStream::connect(listener.local_addr().unwrap());
+        let initiator = initiator.await.unwrap();
+        let (acceptor, _) = listener.accept().await.unwrap();
+        let number = |address: io::Result<std::net::SocketAddr>| address.unwrap().port();
+        let place = path(
+            number(acceptor.local_addr()),
+            number(initiator.local_addr()),
+        );
+        let place = place.unwrap();
+        let accepting = tokio::spawn(async move { accept(&acceptor).await.map(drop) });
+        let mode = || std::fs::metadata(&place).map(|found| found.mode() & 0o777);
+        let waiting = async {
+            while mode().ok() != Some(PRIVATE) {
+                tokio::time::sleep(Duration::from_millis(1)).await;
+            }
+        };
+        let patience = Duration::from_secs(4);
+        timeout(patience, waiting).await.expect("mode 700");
+        connect(&initiator, &mut [0; 8]).await.unwrap();
+        accepting.await.unwrap().unwrap();
+        assert!(mode().is_err(), "nobody else connects");
+    }
+
+    #[tokio::test]
     async fn only_the_same_user_and_root_are_trusted() {
         assert!(is_trusted(1000, 1000) && is_trusted(0, 1000) && is_trusted(0, 0));
         assert!(!is_trusted(1001, 1000) && !is_trusted(1000, 0));

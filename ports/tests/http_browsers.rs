@@ -61,12 +61,20 @@ async fn forms_and_programs_are_answered_by_the_owner() {
 /// Type and body of an answer, whose head says how long it is and lets a browser guess and run nothing.
 #[track_caller]
 fn parted(answer: &str) -> (&str, &str) {
+    assert!(answer.starts_with("HTTP/1.1 200 OK\r\n"), "{answer}");
+    parted_of_any_status(answer)
+}
+
+#[track_caller]
+fn parted_of_any_status(answer: &str) -> (&str, &str) {
     let (head, body) = answer.split_once("\r\n\r\n").expect("a head");
+    let length = format!("\r\nContent-Length: {}\r\n", body.len());
+    // What goes on has no length.
+    let goes_on = head.contains("Transfer-Encoding: chunked") || head.contains("multipart/");
     for part in [
-        "HTTP/1.1 200 OK\r\n",
-        "\r\nContent-Security-Policy: default-src 'none';",
+        "\r\nContent-Security-Policy: default-src 'none'",
         "\r\nX-Content-Type-Options: nosniff",
-        &format!("\r\nContent-Length: {}\r\n", body.len()),
+        if goes_on { "HTTP/1." } else { &length },
     ] {
         assert!(head.contains(part), "{part:?} in {head}");
     }
@@ -76,6 +84,50 @@ fn parted(answer: &str) -> (&str, &str) {
     );
     let (_, mime) = head.split_once("Content-Type: ").expect("a type");
     (mime.split("\r\n").next().unwrap(), body)
+}
+
+/// A refusal had neither a policy nor a length.
+#[tokio::test]
+async fn every_response_has_a_safe_head() {
+    let port = open("/port", PortOptions::new()).await;
+    let closed = open("/closed", PortOptions::new().no_browsers()).await;
+    let foreign = "GET /?data=x HTTP/1.1\r\nHost: 127.0.0.1\r\nOrigin: http://evil.example\r\n\r\n";
+    let long = "POST /form HTTP/1.1\r\nContent-Length: 99999999999\r\n\r\n";
+    for (port, request, status) in [
+        (&port, "GET / HTTP/1.1\r\n\r\n", "200 OK"),
+        (&port, foreign, "403 Forbidden"),
+        (&closed, "GET / HTTP/1.1\r\n\r\n", "403 Forbidden"),
+        (
+            &closed,
+            "GET /?action=stream HTTP/1.1\r\n\r\n",
+            "403 Forbidden",
+        ),
+        (&port, long, "400 Bad Request"),
+        (&port, "GET /?ws HTTP/1.1\r\n\r\n", "400 Bad Request"),
+    ] {
+        let answer = ask(Raw::to(port).await, request).await;
+        let expected = format!("HTTP/1.1 {status}\r\n");
+        assert!(answer.starts_with(&expected), "{request}: {answer}");
+        let (_, body) = parted_of_any_status(&answer);
+        assert!(!body.is_empty(), "{request}: a reason");
+    }
+    for target in ["r", "?action=stream"] {
+        let mut streaming = Raw::to(&port).await;
+        streaming
+            .send(format!("GET /{target} HTTP/1.1\r\n\r\n"))
+            .await;
+        common::until(|| port.outputs().len() == 1).await;
+        let mut head = Vec::new();
+        while !head.ends_with(b"\r\n\r\n") {
+            head.push(streaming.byte().await);
+        }
+        parted_of_any_status(&String::from_utf8(head).unwrap());
+        // The next has the name of this one.
+        drop(streaming);
+        common::until(|| port.outputs().is_empty()).await;
+    }
+    within(port.close()).await;
+    within(closed.close()).await;
 }
 
 #[tokio::test]

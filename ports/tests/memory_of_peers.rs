@@ -5,9 +5,10 @@ mod common;
 use std::sync::{LazyLock, Mutex, MutexGuard, PoisonError};
 
 use common::{Raw, ask, at, bottle, connect, next, open, tcp_message, until, within};
-use yarp_ports::port_limits::{MAX_PROPERTY_BYTES, ProcessLimits};
+use yarp_ports::port_limits::{MAX_PROPERTIES, MAX_PROPERTY_BYTES, ProcessLimits};
 use yarp_ports::{PortOptions, Queue};
 use yarp_wire::Bottle;
+use yarp_wire::typed::{Image, PixelCode};
 
 /// The limits are those of the process: one test at a time.
 fn alone() -> MutexGuard<'static, ()> {
@@ -34,6 +35,24 @@ async fn properties_have_a_size_in_all() {
     assert_eq!(ask(&port, &bottle("[prop] [get] b")).await, "\"1 2\"");
     let large = ask(&port, &property("c", &"x".repeat(10 * half.len()))).await;
     assert!(large.contains("too large"), "{large}");
+    within(port.close()).await;
+}
+
+#[tokio::test]
+async fn properties_are_counted() {
+    let port = open("/p", PortOptions::new()).await;
+    assert_eq!(MAX_PROPERTIES, 1024, "docs/limits.md");
+    for number in 0..MAX_PROPERTIES {
+        let answer = ask(&port, &property(&number.to_string(), "")).await;
+        assert_eq!(answer, "[ok]", "{number}");
+    }
+    let answer = ask(&port, &property("one more", "")).await;
+    assert!(answer.contains("too many properties"), "{answer}");
+    assert_eq!(
+        ask(&port, &property("7", "x")).await,
+        "[ok]",
+        "in its place"
+    );
     within(port.close()).await;
 }
 
@@ -108,6 +127,34 @@ async fn expanded_messages_share_a_budget_until_they_are_dropped() {
     ProcessLimits::default().apply();
     within(writer.close()).await;
     within(reader.close()).await;
+}
+
+/// Pictures that a camera sends expand as much.
+#[tokio::test]
+#[expect(
+    clippy::await_holding_lock,
+    reason = "each test has a runtime of its own"
+)]
+async fn images_share_the_budget_while_they_are_decoded() {
+    let _alone = alone();
+    ProcessLimits::default()
+        .with_expanded_bytes(1 << 20)
+        .apply();
+    let camera = open("/camera", PortOptions::new()).await;
+    let reader = open("/r", PortOptions::new().queue(Queue::Wait(10))).await;
+    within(reader.connect(&at(&camera, "mjpeg"))).await.unwrap();
+    until(|| camera.outputs() == ["null"]).await;
+    // 1.4 MB of pixels in some kilobytes, and 0.9 MB.
+    for (width, height) in [(800, 600), (640, 480)] {
+        let image = Image::new(PixelCode::RGB, width, height).unwrap();
+        assert_eq!(within(camera.write(&image)).await, 1);
+        within(camera.flush()).await;
+    }
+    let received: Image = within(reader.read()).await.unwrap().read().unwrap();
+    assert_eq!((received.width(), received.height()), (640, 480));
+    ProcessLimits::default().apply();
+    within(reader.close()).await;
+    within(camera.close()).await;
 }
 
 #[tokio::test]

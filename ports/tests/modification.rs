@@ -15,6 +15,9 @@ fn scheduling(port: &Port) -> String {
     )
 }
 
+/// The scheduling that the connection has anyway.
+const SCHEDULE_CONNECTION: &str = "[prop] [set] /writer (sched ((policy 0) (priority 0)))";
+
 #[tokio::test]
 async fn the_owner_of_a_port_refuses_them_to_everybody() {
     let options = PortOptions::new().queue(Queue::Wait(10));
@@ -38,8 +41,11 @@ async fn the_owner_of_a_port_refuses_them_to_everybody() {
         assert_eq!(writer.write(&bottle(message)).await, 1);
         assert_eq!(next(&firm).await, message);
     }
+    // A connection is no business of the owner's: programs of this machine set its priority.
     let quality = "[prop] [set] /writer (qos ((priority NORM)))";
-    assert_eq!(ask(&firm, &bottle(quality)).await, "[ok]");
+    for request in [quality, SCHEDULE_CONNECTION] {
+        assert_eq!(ask(&firm, &bottle(request)).await, "[ok]", "{request}");
+    }
     assert_eq!(ask(&free, &attaching).await, "[ok]");
     for port in [writer, firm, free] {
         within(port.close()).await;
@@ -62,7 +68,7 @@ async fn ask_by_page(port: &Port, request: &str) -> String {
 async fn pages_never_get_them() {
     let port = open("/free", PortOptions::new().queue(Queue::Wait(10))).await;
     assert!(ask_by_page(&port, "[ver]").await.contains("ver"));
-    for request in [ATTACH, DETACH, &scheduling(&port)] {
+    for request in [ATTACH, DETACH, &scheduling(&port), SCHEDULE_CONNECTION] {
         let answer = ask_by_page(&port, request).await;
         assert!(
             answer.contains("not allowed from pages"),

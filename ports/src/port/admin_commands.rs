@@ -57,7 +57,17 @@ fn required_right(request: &Bottle) -> Option<Right> {
     }
 }
 
-/// Peer that requests a change of monitors or of the scheduling of the process; it may administer the port.
+/// A change that the right to administer a port does not suffice for.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+pub(super) enum Modification {
+    /// Of the monitors of a port, or of the scheduling of its process. The owner of a port may deny it to everybody
+    /// ([`PortOptions::deny_modification`](crate::PortOptions::deny_modification)).
+    Port,
+    /// Of the scheduling of one connection.
+    Connection,
+}
+
+/// Peer that requests a [`Modification`]; it may administer the port.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Asking {
     /// It speaks as browsers do.
@@ -70,8 +80,13 @@ pub(super) struct Asking {
 
 impl Asking {
     /// Returns why it may not; none if it may.
-    pub(super) fn why_not(self, port: &str, modifiable: bool) -> Option<String> {
-        if !modifiable {
+    pub(super) fn why_not(
+        self,
+        port: &str,
+        modification: Modification,
+        modifiable: bool,
+    ) -> Option<String> {
+        if modification == Modification::Port && !modifiable {
             return Some(format!("not allowed: the owner of {port} refuses it"));
         }
         if self.is_page {
@@ -104,19 +119,19 @@ impl Administration {
         required_right(&as_parsed_by(request, self.port.options.wire_version))
     }
 
-    /// Returns whether a request changes monitors, or the scheduling of connections and processes.
-    ///
-    /// The scheduling of a connection counts for those who may not have it at all ([`PortOptions::deny_modification`]
-    /// and pages), since it can starve others; programs of other machines may ask for it, as in stock.
-    ///
-    /// [`PortOptions::deny_modification`]: crate::PortOptions::deny_modification
-    pub(super) fn modifies(&self, request: &Bottle) -> bool {
+    /// Returns what a request modifies; `None` for all others.
+    pub(super) fn modification(&self, request: &Bottle) -> Option<Modification> {
         match AdminRequest::parse(&as_parsed_by(request, self.port.options.wire_version)) {
-            AdminRequest::Attach(..) | AdminRequest::Detach(_) => true,
+            AdminRequest::Attach(..) | AdminRequest::Detach(_) => Some(Modification::Port),
             AdminRequest::SetProperty(key, groups) => {
-                key == self.port.name && groups.find_group("process").is_some()
+                let has = |group| groups.find_group(group).is_some();
+                match key {
+                    key if key == self.port.name && has("process") => Some(Modification::Port),
+                    key if key.starts_with('/') && has("sched") => Some(Modification::Connection),
+                    _ => None,
+                }
             }
-            _ => false,
+            _ => None,
         }
     }
 
@@ -493,8 +508,13 @@ mod tests {
                 is_local,
                 is_named,
             };
-            assert_eq!(asking.why_not("/p", true).is_none(), may, "{asking:?}");
-            assert!(asking.why_not("/p", false).is_some(), "the owner decides");
+            for modification in [Modification::Port, Modification::Connection] {
+                let refused = asking.why_not("/p", modification, true).is_some();
+                assert_eq!(refused, !may, "{asking:?} {modification:?}");
+            }
+            let refused = |modification| asking.why_not("/p", modification, false).is_some();
+            assert!(refused(Modification::Port), "the owner decides");
+            assert_eq!(refused(Modification::Connection), !may, "{asking:?}");
         }
     }
 

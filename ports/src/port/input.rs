@@ -18,7 +18,7 @@ use yarp_wire::connection::{Acceptor, Event, ProtocolError};
 use self::datagram_input::Datagrams;
 use self::message_handling::Step;
 use self::turn::Turn;
-use super::admin_commands::Asking;
+use super::admin_commands::{Asking, Modification};
 use super::connection_slots::ConnectionSlot;
 use super::connections::Entry;
 use super::counters::Meter;
@@ -512,16 +512,15 @@ impl Connection {
         }
     }
 
-    /// Returns the reason why the peer may not change how messages pass the port, or how its process is scheduled; none
-    /// if it may.
-    pub(super) fn why_not_modify(&self) -> Option<String> {
+    /// Returns the reason why the peer may not modify the port or a connection; none if it may.
+    pub(super) fn why_not_modify(&self, modification: Modification) -> Option<String> {
         let port = &self.parts.context;
         let asking = Asking {
             is_page: self.comes_from_page(),
             is_local: addresses::is_local(self.address),
             is_named: port.network.roles().name(&port.name),
         };
-        asking.why_not(&port.name, port.options.modifiable)
+        asking.why_not(&port.name, modification, port.options.modifiable)
     }
 
     /// Returns whether it speaks as browsers do.

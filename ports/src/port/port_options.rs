@@ -223,7 +223,7 @@ impl PortOptions {
     /// because of a request.
     ///
     /// Without it programs of this machine may ask for these, those of others if `roles.conf` gives them `administer` on
-    /// the port, and pages never.
+    /// the port, and pages never. These rules hold for the scheduling of a connection in any case.
     pub fn deny_modification(mut self) -> Self {
         self.modifiable = false;
         self

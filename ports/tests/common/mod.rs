@@ -2,6 +2,8 @@
 
 #![allow(dead_code, reason = "each test uses a part of it")]
 
+pub(crate) mod captured_log;
+
 use std::future::Future;
 use std::time::Duration;
 

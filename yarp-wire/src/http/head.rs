@@ -170,6 +170,23 @@ mod tests {
         }
     }
 
+    /// Bytes that come one at a time would be searched over and over.
+    #[test]
+    fn no_byte_is_searched_twice() {
+        let mut search = HeadSearch::default();
+        let mut text = b"x".repeat(100);
+        assert_eq!(search.end(&text), Ok(None));
+        text[10..14].copy_from_slice(b"\r\n\r\n");
+        text.push(b'x');
+        assert_eq!(
+            search.end(&text),
+            Ok(None),
+            "what was searched is not looked at"
+        );
+        text.extend_from_slice(b"\r\n\r\n");
+        assert_eq!(search.end(&text), Ok(Some(text.len())));
+    }
+
     #[test]
     fn a_head_without_end_is_refused() {
         let text = format!("GET /{}", "x".repeat(HEAD_LIMIT));

@@ -59,9 +59,14 @@ impl Response {
 
     /// The words for a request that is not answered.
     pub fn refused(refusal: &Refusal) -> Self {
+        Self::forbidden(format!("{refusal}\n"))
+    }
+
+    /// The words where no request is answered.
+    pub fn forbidden(words: impl Into<Cow<'static, str>>) -> Self {
         Self {
             status: "403 Forbidden",
-            ..Self::new("text/plain", format!("{refusal}\n"))
+            ..Self::new("text/plain", words)
         }
     }
 

@@ -281,3 +281,29 @@ fn boundary(kind: &str) -> Option<String> {
 fn shortened(text: &str) -> String {
     text.chars().take(80).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An image of unknown length that comes in small pieces would be searched over and over.
+    #[test]
+    fn no_byte_of_a_part_is_searched_twice() {
+        let mut reader = PartReader::new(Limits::DEFAULT);
+        let head = "HTTP/1.0 200 OK\r\nContent-Type: multipart/x-mixed-replace;boundary=B\r\n\r\n\
+                    --B\r\nContent-Type: image/jpeg\r\n\r\n";
+        let mut input = BytesMut::from(head);
+        assert_eq!(reader.read(&mut input), Ok(None));
+        input.extend_from_slice(&b"x".repeat(100));
+        assert_eq!(reader.read(&mut input), Ok(None));
+        input[10..15].copy_from_slice(b"\r\n--B");
+        assert_eq!(
+            reader.read(&mut input),
+            Ok(None),
+            "what was searched is not looked at"
+        );
+        input.extend_from_slice(b"\r\n--B");
+        let part = reader.read(&mut input).unwrap().unwrap();
+        assert_eq!(part.body.len(), 100);
+    }
+}

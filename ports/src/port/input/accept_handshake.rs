@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use yarp_wire::carrier::{Carrier, Sender, Transport};
 use yarp_wire::connection::{ProtocolError, REFUSAL};
+use yarp_wire::http::{Admission, Response};
 use yarp_wire::protocol::{PayloadKind, header_reply};
 
 use super::{Connection, End, Next};
@@ -23,8 +24,7 @@ use crate::tls::{self, TlsError};
 use crate::{shmem, unix_socket, version_probe};
 
 /// The answer of a port that refuses browsers.
-const NO_BROWSERS: &str = "HTTP/1.1 403 Forbidden\r\nContent-Type: text/plain\r\nX-Content-Type-Options: nosniff\r\n\
-    Connection: close\r\n\r\nThis port takes no requests over HTTP.\r\n";
+const NO_BROWSERS: &str = "This port takes no requests over HTTP.\n";
 
 /// Goes on encrypted if the peer begins so; refuses a plain connection where encryption is required. `None` if the peer has
 /// gone. Cancelling ends the connection.
@@ -67,7 +67,8 @@ impl Connection {
         }
         if carrier.begins_with_http() && !self.parts.context.options.browsers {
             self.output.clear();
-            self.output.extend_from_slice(NO_BROWSERS.as_bytes());
+            let response = Response::forbidden(NO_BROWSERS).to_text(&Admission::default());
+            self.output.extend_from_slice(response.as_bytes());
             return Next::Stop(End::NoBrowsers);
         }
         let encrypted = self.stream.is_encrypted();

@@ -114,8 +114,8 @@ impl Connection {
         {
             return admin_reply::fail(&self.refusal(right));
         }
-        if parts.administration.modifies(request)
-            && let Some(reason) = self.why_not_modify()
+        if let Some(modification) = parts.administration.modification(request)
+            && let Some(reason) = self.why_not_modify(modification)
         {
             return admin_reply::fail(&reason);
         }
