@@ -8,15 +8,20 @@ Prints `ok NAME` per check.
 """
 
 import os
+import shutil
+import socket
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from pathlib import Path
 
 from two_hosts import A, ADDRESS_A, B, PATIENCE, Failure, Process, hosts
 
 NOBODY = 65534
+# Exit code of a program that another one connected to.
+MET = 7
 # The client's part of the program, on a host.
 ASK = """
 import socket, sys
@@ -54,7 +59,7 @@ def admin(host, number, request):
 class Lab:
     """A name server and an arm on host a, with a configuration folder for each host."""
 
-    def __init__(self, ours, home, roles=None):
+    def __init__(self, ours, home, roles=None, encrypted=False):
         self.ours, self.running = ours, []
         self.home_a, self.home_b = Path(home) / "a", Path(home) / "b"
         for folder in (self.home_a, self.home_b):
@@ -62,6 +67,11 @@ class Lab:
         if roles:
             (self.home_a / "roles.conf").write_text(roles)
             (self.home_a / "roles.conf").chmod(0o600)
+        if encrypted:
+            other = self.home_a / "other"
+            self.run(A, "keys", "init", "--required")
+            self.run(A, "keys", "host", "b", "--out", str(other))
+            shutil.copytree(other, self.home_b, dirs_exist_ok=True)
         self.start(A, "server", "--ip", ADDRESS_A, "--socket", "10000", "--write").see("Ok. Ready!")
         (self.home_b / "yarp.conf").write_text((self.home_a / "yarp.conf").read_text())
         self.start(A, "up", "--name", "/wam", "--bind", "0.0.0.0")
@@ -122,6 +132,16 @@ def without_configuration(ours, home):
             found = admin(host, number, f"[prop] [set] {name} (process ((policy 0) (priority 0)))")
             title = f"{'the own' if may else 'another'} host {'schedules' if may else 'does not schedule'} a process"
             check(title, ("[fail]" in found) != may and "Welcome" in found, found)
+        lab.start(A, "read", "/reader")
+        lab.wait_for("/reader")
+        lab.run(A, "connect", "/wam/state:o", "/reader")
+        state = lab.where("/wam/state:o")
+        schedule = "[prop] [set] /reader (sched ((policy 0) (priority 0)))"
+        for host, request, may in [(B, schedule, False), (A, schedule, True), (B, "[prop] [set] /reader (qos ((priority NORM)))", True)]:
+            found = admin(host, state, request)
+            what = "scheduling" if "sched" in request else "packet priority"
+            title = f"{'the own' if host == A else 'another'} host {'sets' if may else 'does not set'} the {what} of a connection"
+            check(title, ("[fail]" in found) != may and "Welcome" in found, found)
         found = lab.run(B, "name", "set", "/wam/rpc:i", "ips", "10.213.77.2")
         check("another host does not move a living name", "only /wam/rpc:i itself" in found, found)
         found = lab.run(B, "name", "register", "/wam/rpc:i", "tcp", "10.213.77.2", "4000")
@@ -152,6 +172,62 @@ def with_roles(ours, home):
         check("the own host moves it", "[ok]" in found, found)
     finally:
         lab.end()
+
+
+def with_encryption(ours, home):
+    """`required others`: plain connections stay within a host."""
+    lab = Lab(ours, home, encrypted=True)
+    try:
+        found = lab.run(A, "rpc", "/wam/rpc:i", typed="get axes\n")
+        check("programs of one host connect in plain", "axes" in found, found)
+        found = lab.run(B, "rpc", "/wam/rpc:i", typed="get axes\n")
+        check("programs of two hosts connect encrypted", "axes" in found, found)
+        found = admin(B, lab.number["/wam/rpc:i"], "[ver]")
+        check("another host does not connect in plain", "Welcome" not in found and "[ver]" not in found, found)
+        found = admin(A, lab.number["/wam/rpc:i"], "[ver]")
+        check("... as the own host does", "[ver]" in found, found)
+        (lab.home_b / "tls.conf").unlink()
+        found = lab.run(B, "rpc", "/wam/rpc:i", typed="get axes\n")
+        check("nor does a program without a certificate", "axes" not in found, found)
+    finally:
+        lab.end()
+
+
+class SocketOfAnotherUser(threading.Thread):
+    """Takes one connection over `unix_stream` as a port does, at a socket that a program of another user listens on.
+
+    Root makes the socket in the folder of the initiator; the system then has another user's program at its end, as when the
+    folder were shared.
+    """
+
+    def __init__(self, folder):
+        super().__init__(daemon=True)
+        self.folder, self.met = folder, False
+        self.listener = socket.create_server(("127.0.0.1", 0))
+        self.listener.settimeout(PATIENCE)
+        self.number = self.listener.getsockname()[1]
+
+    def run(self):
+        stream, (_, initiator) = self.listener.accept()
+        path = str(self.folder / f"{self.number}_{initiator}.sock")
+        # In a process of its own, as the user of a process is that of all its threads.
+        child = os.fork()
+        if child == 0:
+            with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as local:
+                local.bind(path)
+                os.chmod(path, 0o777)
+                os.setuid(NOBODY)
+                local.listen(1)
+                local.settimeout(5)
+                try:
+                    local.accept()
+                    time.sleep(2)
+                    os._exit(MET)
+                finally:
+                    os._exit(1)
+        _, status = os.waitpid(child, 0)
+        self.met = os.waitstatus_to_exitcode(status) == MET
+        stream.close()
 
 
 def other_user(ours, home):
@@ -207,6 +283,12 @@ def other_user(ours, home):
         check("nobody talks through a folder that another user made first", code != 0, found)
         code, found = run("connect", "/writer", "/theirs", "unix_stream")
         check("nor with a program of another user", code != 0, found)
+        impostor = SocketOfAnotherUser(folders["own"])
+        impostor.start()
+        run("name", "register", "/impostor", "unix_stream", "127.0.0.1", str(impostor.number))
+        code, found = run("connect", "/writer", "/impostor", "unix_stream")
+        impostor.join(PATIENCE)
+        check("nor with one that listens in the own folder", code != 0 and impostor.met, (found, impostor.met))
         code, found = run("connect", "/writer", "/theirs", "tcp")
         check("over tcp they talk, as everybody does", code == 0, found)
     finally:
@@ -219,7 +301,7 @@ def main():
     ours = os.path.abspath(sys.argv[1])
     try:
         hosts()
-        for suite in (without_configuration, with_roles):
+        for suite in (without_configuration, with_roles, with_encryption):
             with tempfile.TemporaryDirectory() as home:
                 suite(ours, home)
     finally:
