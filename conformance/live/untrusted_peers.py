@@ -194,40 +194,51 @@ def with_encryption(ours, home):
 
 
 class SocketOfAnotherUser(threading.Thread):
-    """Takes one connection over `unix_stream` as a port does, at a socket that a program of another user listens on.
+    """Takes connections over `unix_stream` as a port does, at sockets that a program of another user listens on.
 
-    Root makes the socket in the folder of the initiator; the system then has another user's program at its end, as when the
-    folder were shared.
+    Root makes the sockets in the folder of the initiator; the system then has another user's program at their ends, as if
+    the folder were shared.
     """
 
     def __init__(self, folder):
         super().__init__(daemon=True)
         self.folder, self.met = folder, False
         self.listener = socket.create_server(("127.0.0.1", 0))
-        self.listener.settimeout(PATIENCE)
         self.number = self.listener.getsockname()[1]
 
     def run(self):
-        stream, (_, initiator) = self.listener.accept()
-        path = str(self.folder / f"{self.number}_{initiator}.sock")
-        # In a process of its own, as the user of a process is that of all its threads.
+        streams, children = [], []
+        # The initiator may ask what is there before it connects.
+        self.listener.settimeout(10)
+        while True:
+            try:
+                stream, (_, initiator) = self.listener.accept()
+            except TimeoutError:
+                break
+            streams.append(stream)
+            children.append(self.listen(self.folder / f"{self.number}_{initiator}.sock"))
+        for child in children:
+            _, status = os.waitpid(child, 0)
+            self.met |= os.waitstatus_to_exitcode(status) == MET
+
+    @staticmethod
+    def listen(path):
+        """Starts a process that listens there, as the user of a process is that of all its threads."""
         child = os.fork()
-        if child == 0:
-            with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as local:
-                local.bind(path)
-                os.chmod(path, 0o777)
-                os.setuid(NOBODY)
-                local.listen(1)
-                local.settimeout(5)
-                try:
-                    local.accept()
-                    time.sleep(2)
-                    os._exit(MET)
-                finally:
-                    os._exit(1)
-        _, status = os.waitpid(child, 0)
-        self.met = os.waitstatus_to_exitcode(status) == MET
-        stream.close()
+        if child:
+            return child
+        try:
+            local = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+            local.bind(str(path))
+            os.chmod(path, 0o777)
+            os.setuid(NOBODY)
+            local.listen(1)
+            local.settimeout(5)
+            local.accept()
+            time.sleep(2)
+            os._exit(MET)
+        finally:
+            os._exit(1)
 
 
 def other_user(ours, home):
