@@ -91,6 +91,12 @@ async fn all_properties_together_are_bounded_also_after_a_restart() {
     let server = start(&file, capacity(1 << 18)).await;
     assert!(server.registrations().len() <= known);
     let network = server.network();
+    let mut held = 0;
+    for index in 0..taken {
+        let line = first_line(&network, &format!("get /fill/{index} key")).await;
+        held += line.len();
+    }
+    assert!((50_000..1 << 18).contains(&held), "{held} bytes");
     let line = first_line(&network, "query /root").await;
     assert!(line.starts_with("registration name /root"), "{line}");
     let line = first_line(&network, &format!("set /root key {value}")).await;
@@ -138,6 +144,22 @@ async fn long_messages_end_their_connection() {
         // Closed or reset, but ended.
         let _ = ended.await.expect("the connection ends");
     }
+    // A message over `tcp` that claims 2 MiB, of which nothing comes.
+    let mut stream = TcpStream::connect(("127.0.0.1", server.port()))
+        .await
+        .unwrap();
+    stream
+        .write_all(b"YA\xe4\x1e\0\0RP\x03\0\0\0/a\0")
+        .await
+        .unwrap();
+    stream.read_exact(&mut [0; 8]).await.unwrap();
+    let index = b"YA\x0a\0\0\0RP\x02\x01\xff\xff\xff\xff\xff\xff\xff\xff\x08\0\0\0\0\0\x20\0\0\0\0\0\0\0\0\0";
+    stream.write_all(index).await.unwrap();
+    let mut answer = Vec::new();
+    // Connections that only wait are kept for longer.
+    let soon = Duration::from_secs(20);
+    let ended = tokio::time::timeout(soon, stream.read_to_end(&mut answer));
+    let _ = ended.await.expect("the connection ends");
     let value = "x".repeat(60_000);
     let network = server.network();
     let line = first_line(&network, &format!("set /root k {value}")).await;

@@ -15,7 +15,7 @@
 //! | expansions at a time | half of the processors | - |
 //! | monitors of a connection; of these, expansions | 16; 1 | - |
 //! | properties of a port | 1024, 64 KiB in all | - |
-//! | silence of a writer over `udp` or `mcast` before it is asked | 60 s | [`PortOptions::silence`](crate::PortOptions::silence) |
+//! | silence of a writer over `udp` or `mcast` before it is asked | 60 s | [`PortOptions::datagram_timeout`](crate::PortOptions::datagram_timeout) |
 //! | silence of one that no name server knows, before its connection ends | 5 times that | as that |
 //! | characters of a peer's text in a line of the log | 200 | - |
 //! | lines of the log about bad connections | 10 in 10 s per port | - |
@@ -40,7 +40,7 @@ pub const MAX_PROPERTIES: usize = 1_024;
 pub const MAX_PROPERTY_BYTES: usize = 64 << 10;
 /// Characters of a peer's text that are written to the log.
 pub const MAX_LOGGED_TEXT: usize = 200;
-/// Intervals of [`PortOptions::silence`](crate::PortOptions::silence) without a datagram, after which the connection of a
+/// Intervals of [`PortOptions::datagram_timeout`](crate::PortOptions::datagram_timeout) without a datagram, after which the connection of a
 /// writer that no name server knows ends.
 pub const UNKNOWN_WRITER_INTERVALS: u32 = 5;
 /// Lines that a port logs about bad connections in each [`BAD_CONNECTION_LOG_INTERVAL`].

@@ -12,6 +12,7 @@ mod control_board_loss;
 mod embedded_arm_over_network;
 mod fuzz_corpus;
 mod many_clients;
+mod modification_of_devices;
 mod motion_completion_events;
 mod network_time;
 mod open_ports_all_or_nothing;

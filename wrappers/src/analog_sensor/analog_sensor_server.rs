@@ -101,8 +101,8 @@ impl AnalogSensorServer {
                 part => format!("{part}/rpc:i"),
             };
             let calibration = answering(device.clone(), &port_name(name, part));
-            wanted.push(ServedPort::output(part, PortOptions::new()).deny_modification());
-            wanted.push(ServedPort::input(rpc, calibration).deny_modification());
+            wanted.push(ServedPort::output(part, PortOptions::new()));
+            wanted.push(ServedPort::input(rpc, calibration));
         }
         let period = options.period;
         let ranges = parts.into_iter().map(|(_, range)| range);

@@ -134,7 +134,7 @@ impl AnalogSensorsServer {
             ServedPort::output("measures:o", PortOptions::new()),
             ServedPort::input("rpc:o", answering(Arc::new(metadata))),
         ];
-        let wanted = wanted.map(ServedPort::deny_modification).into();
+        let wanted = wanted.into();
         let start = |outputs: &[Arc<Port>]| start(device, name, outputs[0].clone(), &options);
         let ports = ServedPorts::open(network, name, wanted, start).await?;
         let period = options.period;

@@ -50,12 +50,6 @@ impl ServedPort {
             ..Self::input(suffix, options)
         }
     }
-
-    /// Denies administrative requests that change the port.
-    pub(crate) fn deny_modification(mut self) -> Self {
-        self.options = self.options.deny_modification();
-        self
-    }
 }
 
 /// The ports of a served device and the work on them. Dropping it closes them in the background, as far as the
@@ -147,16 +141,17 @@ impl<W: PortWork> Running<W> {
     }
 }
 
-/// Opens the ports; returns inputs and outputs.
+/// Opens the ports; returns inputs and outputs. No request makes the ports of a device deaf, or its process slow.
 async fn open_ports(
     network: &Network,
     name: &str,
     ports: Vec<ServedPort>,
 ) -> Result<(Vec<Port>, Vec<Arc<Port>>), OpenError> {
     let are_inputs: Vec<bool> = ports.iter().map(|port| port.is_input).collect();
-    let wanted = ports
-        .into_iter()
-        .map(|port| (port_name(name, &port.suffix), port.options));
+    let wanted = ports.into_iter().map(|port| {
+        let options = port.options.deny_modification();
+        (port_name(name, &port.suffix), options)
+    });
     let opened = open_all(network, wanted.collect()).await?;
     let (mut inputs, mut outputs) = (Vec::new(), Vec::new());
     for (port, is_input) in opened.into_iter().zip(are_inputs) {

@@ -15,6 +15,9 @@ const NAME: &str = "bench";
 const VARIABLE: &str = "BENCH_TLS";
 const SEPARATOR: &str = "\n====\n";
 
+/// Round trip over `tls` in terms of that over `tcp`, at most.
+const MAX_RATIO: f64 = 1.5;
+
 /// Does the work that these words ask for; `None` if they ask for none.
 pub(crate) fn work(words: &[&str]) -> Option<Result<(), Failure>> {
     Some(match words {
@@ -46,8 +49,12 @@ impl Bench {
             println!("{carrier:<34} {p50:>7.1}  {p99:>7.1}");
             p50
         });
-        println!("tls / tcp: p50 {:.2}", medians[1] / medians[0]);
-        Ok(())
+        let ratio = medians[1] / medians[0];
+        println!("tls / tcp: p50 {ratio:.2}");
+        match ratio <= MAX_RATIO {
+            true => Ok(()),
+            false => Err(format!("tls / tcp: p50 {ratio:.2}, expected at most {MAX_RATIO}").into()),
+        }
     }
 }
 

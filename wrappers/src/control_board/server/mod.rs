@@ -157,8 +157,7 @@ impl ControlBoardServer {
             ServedPort::output("stateExt:o", PortOptions::new()),
             ServedPort::output("async:o", announcing(board.clone())),
         ];
-        // No request shall make the arm deaf.
-        let wanted = wanted.map(ServedPort::deny_modification).into();
+        let wanted = wanted.into();
         let axes = board.axes();
         let start = |outputs: &[Arc<Port>]| {
             BoardWork::start(&board, outputs, period, announced).inspect_err(|_| board.end())
