@@ -1,7 +1,7 @@
-//! The attackers' process: `abuse attack KIND NAMES ARM CONNECTIONS BYTES`.
+//! The attackers' process: `abuse attack KIND NAMES ARM PLAIN CONNECTIONS BYTES`.
 //!
 //! It has a low priority, because attackers are other machines: what they compute must not be measured as the victim's.
-//! Prints the bytes that were sent, and keeps its connections open until its input ends.
+//! Prints the bytes that were sent, or why they could not be, and keeps its connections open until its input ends.
 
 use std::io::Read;
 use std::process::Stdio;
@@ -33,7 +33,7 @@ impl Attackers {
             .args(["-n", NICENESS])
             .arg(std::env::current_exe()?)
             .args(["attack", attack.name()])
-            .args([targets.names.to_string(), targets.arm.to_string()])
+            .args([targets.names, targets.arm, targets.plain].map(|at| at.to_string()))
             .args([connections.to_string(), bytes.to_string()])
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
@@ -42,13 +42,13 @@ impl Attackers {
         Ok(Self { child })
     }
 
-    /// Waits until everything is sent; returns the number of bytes.
-    pub(crate) async fn sent(mut self) -> Result<(Self, usize), Failure> {
+    /// Waits until everything is sent; returns the number of bytes, or why an attacker failed.
+    pub(crate) async fn sent(mut self) -> Result<(Self, Result<usize, String>), Failure> {
         let output = self.child.stdout.as_mut().ok_or("no output")?;
         let mut line = String::new();
         BufReader::new(output).read_line(&mut line).await?;
-        let sent = line.trim().parse();
-        let sent = sent.map_err(|_| format!("the attackers printed {line:?}"))?;
+        let line = line.trim();
+        let sent = line.parse().map_err(|_| line.to_owned());
         Ok((self, sent))
     }
 }
@@ -60,6 +60,7 @@ pub(crate) fn run(mut words: impl Iterator<Item = String>) -> Result<(), Failure
     let targets = Targets {
         names: word()?.parse()?,
         arm: word()?.parse()?,
+        plain: word()?.parse()?,
     };
     let connections: usize = word()?.parse()?;
     let share = word()?.parse::<usize>()? / connections.max(1);
@@ -70,10 +71,14 @@ pub(crate) fn run(mut words: impl Iterator<Item = String>) -> Result<(), Failure
         let ended = attackers.into_iter().map(|attacker| attacker.join());
         ended.filter_map(Result::ok).collect()
     });
-    println!(
-        "{}",
-        outcomes.iter().map(|outcome| outcome.sent).sum::<usize>()
-    );
+    let error = outcomes.iter().find_map(|outcome| outcome.error.as_ref());
+    match error {
+        Some(error) => println!("an attacker failed: {}", error.replace('\n', " ")),
+        None => println!(
+            "{}",
+            outcomes.iter().map(|outcome| outcome.sent).sum::<usize>()
+        ),
+    }
     std::io::stdin().read_to_end(&mut Vec::new())?;
     drop(outcomes);
     Ok(())

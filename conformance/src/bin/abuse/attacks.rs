@@ -35,6 +35,7 @@ pub(crate) enum Attack {
     PipelinedLists,
     EmptyFrames,
     NestedText,
+    NestedTextPlain,
     Zlib,
     PortProperties,
     NameProperties,
@@ -45,12 +46,14 @@ pub(crate) enum Attack {
 pub(crate) struct Outcome {
     /// Bytes that the victim's side of the connection took.
     pub(crate) sent: usize,
+    /// Why the attack did not take place.
+    pub(crate) error: Option<String>,
     /// The last connection, if it is still open: what the victim holds for it counts.
     pub(crate) _open: Option<TcpStream>,
 }
 
 impl Attack {
-    pub(crate) const ALL: [Self; 11] = [
+    pub(crate) const ALL: [Self; 12] = [
         Self::EndlessNames,
         Self::LongNames,
         Self::Forms,
@@ -58,6 +61,7 @@ impl Attack {
         Self::PipelinedLists,
         Self::EmptyFrames,
         Self::NestedText,
+        Self::NestedTextPlain,
         Self::Zlib,
         Self::PortProperties,
         Self::NameProperties,
@@ -73,6 +77,7 @@ impl Attack {
             Self::PipelinedLists => "pipelined-lists",
             Self::EmptyFrames => "empty-frames",
             Self::NestedText => "nested-text",
+            Self::NestedTextPlain => "nested-text-plain",
             Self::Zlib => "zlib",
             Self::PortProperties => "port-properties",
             Self::NameProperties => "name-properties",
@@ -86,12 +91,26 @@ impl Attack {
         found.ok_or_else(|| format!("unknown attack {name}; known: {known}").into())
     }
 
+    /// Returns the least number of `bytes` that the victim takes from `connections` connections.
+    ///
+    /// From one connection that does not read its replies, or that opens again for each line, it takes less.
+    pub(crate) fn least(self, bytes: usize, connections: usize) -> usize {
+        match self {
+            Self::LongNames | Self::PipelinedStatus | Self::PipelinedLists if connections == 1 => {
+                bytes / 8
+            }
+            _ => bytes / connections * connections,
+        }
+    }
+
     /// Sends `bytes` bytes of this abuse, reconnecting whenever the victim ends the connection.
     pub(crate) fn run(self, targets: &Targets, number: usize, bytes: usize) -> Outcome {
         let target = match self {
             Self::Forms | Self::PipelinedLists | Self::NameProperties | Self::Registrations => {
                 targets.names
             }
+            // Devices limit requests; other ports take what messages may have.
+            Self::NestedTextPlain => targets.plain,
             _ => targets.arm,
         };
         let mut attacker = Attacker::new(target, targets.names, bytes);
@@ -101,6 +120,7 @@ impl Attack {
         }
         Outcome {
             sent: attacker.sent,
+            error: attacker.error,
             _open: attacker.stream,
         }
     }
@@ -151,7 +171,7 @@ impl Attack {
                 }
                 to.repeat(&[0x82, 0x80, 0, 0, 0, 0].repeat(PIECE / 6))
             }
-            Self::NestedText => {
+            Self::NestedText | Self::NestedTextPlain => {
                 to.greet(tag)?;
                 let line = format!(
                     "d\r\n{}{}{}\r\n",
@@ -163,8 +183,7 @@ impl Attack {
             }
             Self::Zlib => {
                 if let Err(error) = to.expanding_messages(tag) {
-                    eprintln!("abuse: zlib: {error}");
-                    to.stuck = true;
+                    to.error = Some(error.to_string());
                 }
                 None
             }
@@ -217,6 +236,7 @@ struct Attacker {
     sent: usize,
     reconnects: usize,
     stuck: bool,
+    error: Option<String>,
     stream: Option<TcpStream>,
 }
 
@@ -229,12 +249,14 @@ impl Attacker {
             sent: 0,
             reconnects: 0,
             stuck: false,
+            error: None,
             stream: None,
         }
     }
 
     fn goes_on(&self) -> bool {
-        self.sent < self.bytes && self.reconnects < MAX_RECONNECTS && !self.stuck
+        let may = self.reconnects < MAX_RECONNECTS && !self.stuck && self.error.is_none();
+        may && self.sent < self.bytes
     }
 
     fn connect(&mut self) -> Option<()> {

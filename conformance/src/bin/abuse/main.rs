@@ -5,12 +5,13 @@
 //!
 //! - the growth of the process's peak memory;
 //! - the round-trip time of `get encs` to the arm;
-//! - the messages of the 50 Hz state stream that were lost.
+//! - the messages of the 50 Hz state stream that were lost, and its longest pause.
 //!
 //! `abuse YARP silent` opens 2 000 connections that send nothing, then 2 000 that send the header of `udp`, to a
 //! process with 1 024 descriptors; measures the time until a new client is served, and the descriptors afterwards.
 //!
-//! Prints one line per attack; exits with 1 if a bound of `docs/limits.md` does not hold.
+//! Prints one line per attack; exits with 1 if a bound of `docs/limits.md` does not hold, if the stream pauses, or if the
+//! attack did not take place.
 
 mod attackers;
 mod attacks;
@@ -23,7 +24,7 @@ use std::time::Duration;
 
 use attackers::Attackers;
 use attacks::Attack;
-use observer::Observer;
+use observer::{Observer, Seen};
 use victim::Victim;
 
 type Failure = Box<dyn std::error::Error + Send + Sync>;
@@ -32,6 +33,10 @@ type Failure = Box<dyn std::error::Error + Send + Sync>;
 const MAX_GROWTH: u64 = 64 << 20;
 /// Round-trip time that 99 of 100 calls of the other client stay below.
 const MAX_P99: Duration = Duration::from_millis(20);
+/// Time without a message after which the 50 Hz state stream has stalled.
+const MAX_PAUSE: Duration = Duration::from_millis(500);
+/// Part of the messages of a 50 Hz stream that arrive at least.
+const MIN_STATES_PER_SECOND: f64 = 45.0;
 /// Time without an attack over which the client is measured first.
 const QUIET_TIME: Duration = Duration::from_secs(2);
 
@@ -113,9 +118,9 @@ fn main() -> ExitCode {
 /// Runs every attack; returns true if all bounds hold.
 async fn run(options: &Options) -> Result<bool, Failure> {
     println!(
-        "| attack | connections | sent MB | memory MB | p50 ms | p99 ms | max ms | stream messages | lost | |"
+        "| attack | connections | sent MB | memory MB | p50 ms | p99 ms | max ms | stream messages | lost | pause ms | |"
     );
-    println!("| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | --- |");
+    println!("| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | --- |");
     let mut holds = true;
     for &connections in &options.connections {
         for attack in &options.kinds {
@@ -138,23 +143,55 @@ async fn run_one(options: &Options, attack: Attack, connections: usize) -> Resul
     let growth = victim.peak()?.saturating_sub(before);
     drop(attackers);
     let seen = observer.finish().await;
-    let holds = growth <= MAX_GROWTH && seen.p99 < MAX_P99 && seen.lost == 0 && seen.failed == 0;
+    let (bytes, problem) = match sent {
+        Ok(bytes) => (
+            bytes,
+            verdict(attack, options.bytes, connections, bytes, growth, &seen),
+        ),
+        Err(error) => (0, Some(error)),
+    };
     println!(
-        "| {} | {connections} | {:.1} | {:.1} | {:.2} | {:.2} | {:.1} | {} | {} | {} |",
+        "| {} | {connections} | {:.1} | {:.1} | {:.2} | {:.2} | {:.1} | {} | {} | {:.0} | {} |",
         attack.name(),
-        sent as f64 / f64::from(1 << 20),
+        bytes as f64 / f64::from(1 << 20),
         growth as f64 / f64::from(1 << 20),
         seen.p50.as_secs_f64() * 1e3,
         seen.p99.as_secs_f64() * 1e3,
         seen.max.as_secs_f64() * 1e3,
         seen.messages,
         seen.lost,
-        match (holds, seen.failed) {
-            (true, _) => String::new(),
-            (false, 0) => "exceeds a bound".to_owned(),
-            (false, failed) => format!("{failed} calls failed"),
-        },
+        seen.pause.as_secs_f64() * 1e3,
+        problem.as_deref().unwrap_or_default(),
     );
     victim.stop().await?;
-    Ok(holds)
+    Ok(problem.is_none())
+}
+
+/// Returns the first bound that does not hold.
+fn verdict(
+    attack: Attack,
+    bytes: usize,
+    connections: usize,
+    sent: usize,
+    growth: u64,
+    seen: &Seen,
+) -> Option<String> {
+    let states = seen.messages as f64 / seen.time.as_secs_f64();
+    if sent < attack.least(bytes, connections) {
+        Some("the victim took too little: no attack took place".to_owned())
+    } else if growth > MAX_GROWTH {
+        Some("memory exceeds its bound".to_owned())
+    } else if seen.failed > 0 {
+        Some(format!("{} calls failed", seen.failed))
+    } else if seen.p99 >= MAX_P99 {
+        Some("p99 exceeds its bound".to_owned())
+    } else if seen.lost != 0 {
+        Some("states were lost".to_owned())
+    } else if seen.pause > MAX_PAUSE || states < MIN_STATES_PER_SECOND {
+        Some(format!(
+            "the state stream stalled, {states:.0} messages a second"
+        ))
+    } else {
+        None
+    }
 }

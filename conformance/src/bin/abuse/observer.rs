@@ -28,10 +28,16 @@ pub(crate) struct Seen {
     pub(crate) failed: usize,
     pub(crate) messages: usize,
     pub(crate) lost: i64,
+    /// Longest time without a message of the state stream.
+    pub(crate) pause: Duration,
+    /// Time that was observed.
+    pub(crate) time: Duration,
 }
 
-#[derive(Default)]
 struct Counts {
+    begin: Instant,
+    last_arrival: Instant,
+    pause: Duration,
     round_trips: Vec<Duration>,
     failed: usize,
     messages: usize,
@@ -40,6 +46,27 @@ struct Counts {
 }
 
 impl Counts {
+    fn new(last: Option<i32>) -> Self {
+        let now = Instant::now();
+        Self {
+            begin: now,
+            last_arrival: now,
+            pause: Duration::ZERO,
+            round_trips: Vec::new(),
+            failed: 0,
+            messages: 0,
+            lost: 0,
+            last,
+        }
+    }
+
+    /// Ends the pause since the last message of the stream.
+    fn end_pause(&mut self) {
+        let now = Instant::now();
+        self.pause = self.pause.max(now - self.last_arrival);
+        self.last_arrival = now;
+    }
+
     /// Adds a call, which may have failed.
     fn add(&mut self, round_trip: Option<Duration>) {
         match round_trip {
@@ -62,7 +89,7 @@ impl Observer {
         caller.connect("/wam/rpc:i").await?;
         let state = Subscriber::open_on(&network, "/abuse/state:i", Queue::Wait(BACKLOG)).await?;
         state.connect("/wam/stateExt:o").await?;
-        let counts = Arc::<Mutex<Counts>>::default();
+        let counts = Arc::new(Mutex::new(Counts::new(None)));
         let mut tasks = JoinSet::new();
         tasks.spawn(call(caller, Arc::clone(&counts)));
         tasks.spawn(read(state, Arc::clone(&counts)));
@@ -72,16 +99,14 @@ impl Observer {
     /// Forgets what was counted.
     pub(crate) fn begin(&self) {
         let mut counts = self.counts.lock().unwrap();
-        *counts = Counts {
-            last: counts.last,
-            ..Counts::default()
-        };
+        *counts = Counts::new(counts.last);
     }
 
     /// Returns the figures since [`Self::begin`], and disconnects.
     pub(crate) async fn finish(mut self) -> Seen {
         self.tasks.shutdown().await;
-        let mut counts = std::mem::take(&mut *self.counts.lock().unwrap());
+        let mut counts = self.counts.lock().unwrap();
+        counts.end_pause();
         counts.round_trips.sort_unstable();
         let at = |part: f64| {
             let last = counts.round_trips.len().saturating_sub(1);
@@ -96,6 +121,8 @@ impl Observer {
             failed: counts.failed,
             messages: counts.messages,
             lost: counts.lost,
+            pause: counts.pause,
+            time: counts.last_arrival - counts.begin,
         }
     }
 }
@@ -119,6 +146,7 @@ async fn read(state: Subscriber<Bottle>, counts: Arc<Mutex<Counts>>) {
     while let Ok(received) = state.receive().await {
         let mut counts = counts.lock().unwrap();
         counts.messages += 1;
+        counts.end_pause();
         let Some(stamp) = received.stamp else {
             continue;
         };

@@ -18,8 +18,12 @@ const QUERY_INTERVAL: Duration = Duration::from_millis(50);
 /// Addresses that attackers connect to.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Targets {
+    /// The name server.
     pub(crate) names: SocketAddr,
+    /// The port that takes requests to the arm.
     pub(crate) arm: SocketAddr,
+    /// A port that belongs to no device.
+    pub(crate) plain: SocketAddr,
 }
 
 /// A running `yarp up` in a configuration directory of its own; killed when dropped.
@@ -28,6 +32,7 @@ pub(crate) struct Victim {
     home: PathBuf,
     port: u16,
     arm: SocketAddr,
+    plain: SocketAddr,
 }
 
 impl Victim {
@@ -53,19 +58,26 @@ impl Victim {
             home,
             port,
             arm: SocketAddr::from(([127, 0, 0, 1], 0)),
+            plain: SocketAddr::from(([127, 0, 0, 1], 0)),
         };
-        victim.arm = tokio::time::timeout(START_TIMEOUT, victim.arm_served())
-            .await
-            .map_err(|_| format!("`{yarp} up` did not serve /wam/rpc:i within 60 s"))??;
+        let served = async {
+            let arm = victim.served("/wam/rpc:i").await?;
+            Ok::<_, Failure>((arm, victim.served("/wam/view/in:i").await?))
+        };
+        let served = tokio::time::timeout(START_TIMEOUT, served).await;
+        let served =
+            served.map_err(|_| format!("`{yarp} up` did not serve its arm within 60 s"))?;
+        (victim.arm, victim.plain) = served?;
         Ok(victim)
     }
 
-    async fn arm_served(&mut self) -> Result<SocketAddr, Failure> {
+    /// Waits until the port is registered; returns its address.
+    async fn served(&mut self, port: &str) -> Result<SocketAddr, Failure> {
         loop {
             if let Some(status) = self.child.try_wait()? {
                 return Err(format!("`yarp up` ended: {status}").into());
             }
-            if let Ok(contact) = self.network().query("/wam/rpc:i").await {
+            if let Ok(contact) = self.network().query(port).await {
                 let address = format!("{}:{}", contact.host, contact.port);
                 return Ok(address.parse()?);
             }
@@ -82,6 +94,7 @@ impl Victim {
         Targets {
             names: SocketAddr::from(([127, 0, 0, 1], self.port)),
             arm: self.arm,
+            plain: self.plain,
         }
     }
 
