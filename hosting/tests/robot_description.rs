@@ -112,6 +112,24 @@ fn a_robot_tells_of_its_devices_by_itself() {
 }
 
 #[test]
+fn a_large_request_is_refused() {
+    let stage = Stage::new();
+    let robot = stage.run("bot.xml", ROBOT);
+    stage.runtime.block_on(async {
+        for (length, answered) in [(60 * 1024, true), (70 * 1024, false)] {
+            let port = Port::open(&stage.network, "...", PortOptions::new().rpc_client()).await;
+            let port = port.unwrap();
+            port.connect(PORT).await.unwrap();
+            let request = Bottle::of("x".repeat(length));
+            let reply: Result<Bottle, _> = port.call_within(&request, TIMEOUT).await;
+            assert_eq!(reply.is_ok(), answered);
+            port.close().await;
+        }
+    });
+    end(&stage, robot);
+}
+
+#[test]
 fn a_description_may_open_the_port_itself() {
     let stage = Stage::new();
     let own = r#"<device name="list" type="robotDescription_nws_yarp"><param name="local">/bot/list</param>

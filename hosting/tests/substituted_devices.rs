@@ -192,3 +192,39 @@ fn errors_in_rules_name_file_and_line() {
         assert!(error.contains(expected), "no {expected}: {error}");
     }
 }
+
+#[test]
+fn fake_sensors_have_a_limited_number_of_channels() {
+    let stage = Stage::new();
+    for (channels, allowed) in [(0, false), (1, true), (10_000, true), (10_001, false)] {
+        match stage.open("fakeSensors", &format!("channels {channels}\n")) {
+            Ok(sensors) => {
+                assert!(allowed, "{channels}");
+                stage.runtime.block_on(sensors.close());
+            }
+            Err(error) => assert!(
+                !allowed && error.contains("expected 1 to 10000 channels"),
+                "{error}"
+            ),
+        }
+    }
+}
+
+/// The names of the ports of a skin begin with the robot, whose name may have a `/` in front.
+#[test]
+fn a_skin_needs_a_robot() {
+    let stage = Stage::new();
+    for (text, expected) in [
+        ("period 20\n", "parameter robotName is missing"),
+        (
+            "robotName \"a b\"\n",
+            "expected a name that begins the name of a port",
+        ),
+        ("robotName /bot\nperiod 0\n", "1 to 60000 milliseconds"),
+    ] {
+        let error = stage.open("skinWrapper", text).err().unwrap();
+        assert!(error.contains(expected), "no {expected}: {error}");
+    }
+    let skin = stage.open("skinWrapper", "robotName /bot\n").ok().unwrap();
+    stage.runtime.block_on(skin.close());
+}
