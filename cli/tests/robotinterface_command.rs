@@ -177,6 +177,46 @@ fn a_robot_is_described_without_a_network() {
     ended.complains("is the yarp server available");
 }
 
+/// Other devices take the place of those of the description, and the result is printed as JSON.
+#[test]
+fn a_robot_with_substitutes_is_described_as_json() {
+    let xml = XML.replace("fakeMotionControl", "someBoard");
+    let rules = "[[substitute]]\ntypes = [\"someBoard\"]\nwith = \"fakeMotionControl\"\ncopy = { \"GENERAL::Joints\" = \"GENERAL::Joints\" }\n";
+    let home = home(&[
+        ("robot.xml", &xml),
+        ("joints.xml", JOINTS),
+        ("server.xml", SERVER),
+        ("fakes.toml", rules),
+    ]);
+    let file = |name| home.path().join(name).display().to_string();
+    let line = format!(
+        "robotinterface --dryrun --json --enable_tags served --config {}",
+        file("robot.xml")
+    );
+    let robot = |line: &str| -> serde_json::Value {
+        let text = home.run(line).with(0).out;
+        let begin = text.iter().position(|line| line == "{").unwrap();
+        serde_json::from_str(&text[begin..].join("\n")).unwrap()
+    };
+    let real = robot(&line);
+    let what = real["problems"][0]["what"].as_str().unwrap();
+    assert!(what.contains("there is no device type someBoard"), "{what}");
+    let faked = robot(&format!("{line} --substitute {}", file("fakes.toml")));
+    assert_eq!(faked["problems"], serde_json::json!([]));
+    let arm = &faked["devices"][0];
+    assert_eq!(arm["type"], "fakeMotionControl");
+    assert_eq!(arm["params"]["GENERAL"], serde_json::json!([["Joints", 2]]));
+    let attach = &faked["devices"][1]["actions"][0];
+    assert_eq!(
+        (&attach["phase"], &attach["level"]),
+        (&"startup".into(), &5.into())
+    );
+    assert_eq!(
+        attach["params"],
+        serde_json::json!([["all_of_it", "arm"], ["networks", ["all_of_it"]]])
+    );
+}
+
 #[test]
 fn the_old_format_is_read_if_allowed() {
     let old = XML.replace("3.0", "1.0").replace(
@@ -236,20 +276,12 @@ fn errors_name_file_and_line() {
             "r.xml:3: expected attribute name in <param>, got none",
         ),
         (
-            device("<param name=\"p\">(1</param>"),
-            "r.xml:3: expected a value with as many brackets and quotes that close as open, got (1",
-        ),
-        (
             device("<group name=\"g\"/>"),
             "r.xml:3: expected parameters in <group name=\"g\">, got none",
         ),
         (
             device("<paramlist name=\"l\"><param/></paramlist>"),
             "r.xml:3: expected <elem>, got <param>",
-        ),
-        (
-            device("<action phase=\"start\" level=\"1\" type=\"attach\"/>"),
-            "r.xml:3: expected phase of <action> to be one of startup, run, interrupt1, interrupt2, interrupt3, shutdown, got start",
         ),
         (
             device("<action phase=\"startup\" level=\"-1\" type=\"attach\"/>"),
@@ -350,7 +382,7 @@ fn a_robot_that_does_not_start_leaves_nothing() {
         ),
         (
             robot("<device name=\"s\" type=\"nothing\"/>"),
-            "r.xml:3: device s: there is no device nothing",
+            "r.xml:3: there is no device type nothing: device s cannot be opened",
         ),
         (
             server("<param name=\"name\">/t</param>"),

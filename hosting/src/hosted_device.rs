@@ -6,6 +6,7 @@ use std::sync::Arc;
 use yarp_devices::Device;
 
 use crate::HostError;
+use crate::robot::DeviceDescription;
 
 /// A boxed future.
 pub type Future<'a, T> = Pin<Box<dyn std::future::Future<Output = T> + Send + 'a>>;
@@ -26,6 +27,8 @@ pub struct Parts {
     pub sensors: Option<Arc<dyn Device>>,
     /// One sensor of several channels.
     pub channels: Option<Arc<dyn Device>>,
+    /// Devices of the robot.
+    pub robot: Option<Arc<[DeviceDescription]>>,
 }
 
 impl Parts {
@@ -38,10 +41,10 @@ impl Parts {
             other,
             sensors,
             channels,
+            robot,
         } = self;
-        [board, camera, tool, other, sensors, channels]
-            .iter()
-            .all(|part| part.is_none())
+        let devices = [board, camera, tool, other, sensors, channels];
+        devices.iter().all(|part| part.is_none()) && robot.is_none()
     }
 }
 

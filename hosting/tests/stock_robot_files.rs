@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use proptest::prelude::*;
-use yarp_hosting::robot::{ParamValue, ReadOptions, Robot, RobotError};
+use yarp_hosting::robot::{ParamValue, Phase, ReadOptions, Robot, RobotError};
 
 fn read_with(folder: &Path, files: &[(&str, &str)], line: &[&str]) -> Result<Robot, RobotError> {
     for (name, text) in files {
@@ -268,6 +268,34 @@ fn the_prefix_is_as_written() {
         );
         check(&[("r.xml", &text)], &[&format!("a t; p {expected}")]);
     }
+}
+
+/// Files with such values were refused; stock warns and loses the parameter.
+#[test]
+fn values_without_balance_are_lost_as_in_stock() {
+    for value in ["1 2 )", "1 (2 3)) 4", "(1 2", "(a \"b c)"] {
+        let text = format!(
+            "<robot name=\"r\"><device name=\"a\" type=\"t\"><param name=\"p\">{value}</param><param name=\"q\">7</param></device></robot>"
+        );
+        check(&[("r.xml", &text)], &["a t; q 7"]);
+    }
+    let text = "<robot name=\"r\"><device name=\"a\" type=\"t\"><group name=\"g\"><param name=\"p\">(1</param></group></device></robot>";
+    check(&[("r.xml", text)], &["a t; g (0)"]);
+}
+
+/// Stock reads an action of an unknown phase and never runs it; such files were refused.
+#[test]
+fn an_action_of_an_unknown_phase_never_runs() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "<robot name=\"r\"><device name=\"a\" type=\"t\"><action phase=\"start up\" level=\"1\" type=\"attach\"/>
+        <action phase=\"shutdown\" level=\"1\" type=\"detach\"/></device></robot>";
+    let robot = read_with(folder.path(), &[("r.xml", text)], &[]).unwrap();
+    let phases: Vec<_> = robot.devices[0]
+        .actions
+        .iter()
+        .map(|action| action.phase)
+        .collect();
+    assert_eq!(phases, [Phase::Shutdown]);
 }
 
 #[test]

@@ -4,9 +4,13 @@ use std::io::Write;
 use std::process::ExitCode;
 use std::time::Duration;
 
+use serde_json::{Value as Json, json};
 use tokio::sync::watch;
-use yarp_hosting::robot::{Phase, Progress, ReadOptions, Robot, RunningRobot};
+use yarp_hosting::robot::{
+    DeviceEntry, Phase, Progress, ReadOptions, Robot, RunningRobot, Substitutions,
+};
 use yarp_ports::{Answer, Network, Port, PortOptions, Received};
+use yarp_wire::settings::Setting;
 use yarp_wire::{Bottle, Value, Vocab32};
 use yarp_wrappers::thrift::{Item, Message};
 
@@ -42,8 +46,8 @@ const HELP: [(&str, &str); 8] = [
 /// devices are parked and closed.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// --config FILE (or `config FILE` in yarprobotinterface.ini), --context CONTEXT, --portprefix /P, --dryrun,
-    /// --nopark, --enable_tags "(a b)", --disable_tags "(a b)", --allow-deprecated-dtd, --bind ADDRESS, and values for parameters that
+    /// --config FILE (or `config FILE` in yarprobotinterface.ini), --context CONTEXT, --portprefix /P, --dryrun, --json (with
+    /// --dryrun), --substitute FILE (other devices in the place of those of the robot), --nopark, --enable_tags "(a b)", --disable_tags "(a b)", --allow-deprecated-dtd, --bind ADDRESS, and values for parameters that
     /// have an extern-name
     #[arg(
         value_name = "OPTION",
@@ -70,9 +74,23 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let options = ReadOptions {
         given: settings.clone(),
     };
-    let robot = Robot::read(&file, &options)?;
+    let mut robot = Robot::read(&file, &options)?;
+    if settings.has("substitute") {
+        let Some(rules) = finder.find_file("substitute") else {
+            let name = settings.get("substitute").map(Setting::to_plain_string);
+            tracing::error!(target: COMPONENT, "Cannot find {}", name.unwrap_or_default());
+            return Ok(ExitCode::FAILURE);
+        };
+        for omitted in robot.substitute(&Substitutions::read(&rules)?) {
+            tracing::warn!(target: COMPONENT, "{omitted}");
+        }
+    }
     if settings.has("dryrun") {
-        describe(&robot, out)?;
+        match settings.has("json") {
+            // In one piece, so that a slow reader loses nothing.
+            true => out.write_all(format!("{:#}\n", as_json(&robot)).as_bytes())?,
+            false => describe(&robot, out)?,
+        }
         return Ok(ExitCode::SUCCESS);
     }
     let parks = !settings.has("nopark");
@@ -102,6 +120,14 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
 
 /// Prints the devices that would be hosted with their parameters and actions, and logs what would fail.
 fn describe(robot: &Robot, out: &mut dyn Write) -> Result<()> {
+    // In one piece, so that a slow reader loses nothing.
+    let mut text = Vec::new();
+    write_description(robot, &mut text)?;
+    out.write_all(&text)?;
+    Ok(())
+}
+
+fn write_description(robot: &Robot, out: &mut Vec<u8>) -> Result<()> {
     for problem in robot.problems() {
         tracing::warn!(target: COMPONENT, "{problem}");
     }
@@ -119,6 +145,68 @@ fn describe(robot: &Robot, out: &mut dyn Write) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// Returns the robot with its devices, resolved parameters and actions, and what would fail.
+///
+/// A parameter is an array of its values; lists and groups in it are arrays, too.
+fn as_json(robot: &Robot) -> Json {
+    let actions = |device: &DeviceEntry| {
+        let actions = device.actions.iter().map(|action| {
+            json!({
+                "phase": action.phase.to_string(),
+                "level": action.level,
+                "type": action.kind.to_string(),
+                "params": action.to_bottle().iter().map(value_as_json).collect::<Vec<_>>(),
+                "origin": action.origin.to_string(),
+            })
+        });
+        Json::from_iter(actions)
+    };
+    let devices = robot.devices.iter().map(|device| {
+        let mut params = serde_json::Map::new();
+        for entry in robot
+            .parameters(device)
+            .into_iter()
+            .flat_map(|known| known.settings().to_bottle())
+        {
+            if let Some((name, values)) = entry
+                .as_list()
+                .and_then(|list| list.as_slice().split_first())
+            {
+                let values = values.iter().map(value_as_json).collect();
+                params.insert(name.to_plain_string(), values);
+            }
+        }
+        json!({
+            "name": device.name,
+            "type": device.kind,
+            "params": params,
+            "actions": actions(device),
+            "origin": device.origin.to_string(),
+        })
+    });
+    let problems = robot
+        .problems()
+        .into_iter()
+        .map(|problem| json!({"origin": problem.origin.to_string(), "what": problem.what}));
+    json!({
+        "name": robot.name,
+        "build": robot.build,
+        "portprefix": robot.port_prefix,
+        "devices": Json::from_iter(devices),
+        "problems": Json::from_iter(problems),
+    })
+}
+
+fn value_as_json(value: &Value) -> Json {
+    match value {
+        Value::Int32(number) => (*number).into(),
+        Value::Int64(number) => (*number).into(),
+        Value::Float64(number) => (*number).into(),
+        Value::List(list) => list.iter().map(value_as_json).collect(),
+        other => other.to_plain_string().into(),
+    }
 }
 
 /// Runs the robot until the end is requested; returns true on success.

@@ -4,11 +4,13 @@
 //! limits and references, which takes the commands of the device interfaces and is stepped by its owner.
 //! [`SimulatedWam`](crate::wam::SimulatedWam) runs one in real time; a test can step one as it likes.
 //!
-//! [`FakeMicrophone`], [`FakeSpeaker`], [`FakeSerial`] and [`SimulatedBattery`] replace devices that this project has no driver for.
+//! [`FakeMicrophone`], [`FakeSpeaker`], [`FakeSerial`], [`SimulatedBattery`] and [`ConstantSensors`] replace devices that this
+//! project has no driver for.
 
 mod axes_model;
 mod axes_model_motors;
 mod axis_motor;
+mod constant_sensors;
 mod fake_microphone;
 mod fake_serial;
 mod fake_speaker;
@@ -18,6 +20,7 @@ mod simulated_battery;
 mod velocity_profile;
 
 pub use axes_model::AxesModel;
+pub use constant_sensors::ConstantSensors;
 pub use fake_microphone::FakeMicrophone;
 pub use fake_serial::FakeSerial;
 pub use fake_speaker::FakeSpeaker;

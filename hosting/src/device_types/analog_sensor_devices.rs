@@ -1,7 +1,7 @@
 //! One sensor of several channels, as YARP 3.x knows it: a server and a client.
 //!
-//! Parameters are those of stock's `analogServer` and `analogsensorclient`; those for ROS have no effect.
-//! Source: `AnalogWrapper.cpp` and `AnalogSensorClient.cpp` of YARP 3.5.
+//! Parameters are those of stock's `analogServer` and `analogsensorclient`, and of `skinWrapper` of iCub; those for ROS
+//! have no effect. Source: `AnalogWrapper.cpp` and `AnalogSensorClient.cpp` of YARP 3.5, `skinWrapper.cpp` of icub-main.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -20,6 +20,9 @@ use super::local_device::LocalDevice;
 use super::remote_board::cast;
 use super::{OpenResult, Opening};
 use crate::{Attached, HostError};
+
+/// Default interval of iCub's `skinWrapper`, ms.
+const DEFAULT_SKIN_PERIOD_MS: usize = 20;
 
 /// Opens a client of a sensor that another program serves.
 pub(super) async fn remote(opening: Opening<'_>) -> OpenResult {
@@ -42,7 +45,27 @@ pub(super) async fn remote(opening: Opening<'_>) -> OpenResult {
 pub(super) async fn server(opening: Opening<'_>) -> OpenResult {
     let parameters = opening.parameters;
     let name: PortName = parameters.need("name")?;
-    let period = Duration::from_millis(parameters.need::<usize>("period")? as u64);
+    let period = parameters.need::<usize>("period")?;
+    serve(opening, name, period)
+}
+
+/// Opens a server of a skin, with the ports `/ROBOT/skin/PART` as iCub's `skinWrapper`.
+pub(super) async fn skin(opening: Opening<'_>) -> OpenResult {
+    let parameters = opening.parameters;
+    let robot: String = parameters.need("robotName")?;
+    let expected = "a name that begins the name of a port";
+    let name = format!("/{}/skin", robot.trim_start_matches('/')).parse::<PortName>();
+    let name = name.map_err(|_| parameters.refuse("robotName", expected))?;
+    let period = parameters.get_or("period", DEFAULT_SKIN_PERIOD_MS)?;
+    // Stock's total number of channels, which the sensor tells.
+    parameters.has("total_taxels");
+    serve(opening, name, period)
+}
+
+/// Opens a server with a period in milliseconds.
+fn serve(opening: Opening<'_>, name: PortName, period: usize) -> OpenResult {
+    let parameters = opening.parameters;
+    let period = Duration::from_millis(period as u64);
     let period = check_period(parameters, period, "1 to 60000 milliseconds")?;
     let mut options = AnalogSensorOptions::new().period(period);
     for (part, channels) in parts(parameters)? {

@@ -14,9 +14,11 @@ mod calibrator;
 mod camera_devices;
 mod cartesian_devices;
 mod fake_motion_control;
+mod fake_sensors;
 mod local_device;
 mod multiple_analog_sensors_devices;
 mod remote_board;
+mod robot_description;
 
 use yarp_ports::Network;
 use yarp_wire::settings::{Origin, Parameters};
@@ -53,6 +55,9 @@ const SERVER: &str = "controlBoard_nws_yarp";
 const CAMERA_SERVER: &str = "frameGrabber_nws_yarp";
 const SENSOR_SERVER: &str = "multipleanalogsensorsserver";
 
+/// The device type that tells which devices a robot has.
+pub const ROBOT_DESCRIPTION: &str = "robotDescription_nws_yarp";
+
 /// The device type that opens two devices; see [`open`](crate::open).
 pub const BUNDLER: &str = "deviceBundler";
 
@@ -78,6 +83,7 @@ pub const DEVICE_TYPES: &[DeviceType] = &[
     device_type("fakeBattery", &[], "a simulated battery; capacity in Ah, current in A", Some("battery_nws_yarp"), |opening| Box::pin(battery_devices::simulated(opening))),
     device_type("fakeFrameGrabber", &[], "a simulated camera: a test pattern, an image or a video; mode, src, width, height, freq or period, mirror", Some(CAMERA_SERVER), |opening| Box::pin(camera_devices::simulated(opening))),
     device_type("fakeMotionControl", &[], "simulated joints of any number; GENERAL::Joints, GENERAL::AxisName, GENERAL::AxisType, LIMITS::Min, LIMITS::Max", Some(SERVER), |opening| Box::pin(fake_motion_control::open(opening))),
+    device_type("fakeSensors", &[], "sensors at rest in the place of boards that are not there; ThreeAxisGyroscopesNames and so on, channels", Some(SENSOR_SERVER), |opening| Box::pin(fake_sensors::open(opening))),
     device_type("remote_controlboard", &["controlBoard_nwc_yarp"], "joints served by another program; remote, local, carrier, timeout", None, |opening| Box::pin(remote_board::open(opening))),
     device_type("frameGrabber_nwc_yarp", &[], "a camera served by another program; remote, local, stream, no_stream", None, |opening| Box::pin(camera_devices::remote(opening))),
     device_type("frameGrabber_nws_yarp", &[], "serves a camera on ports; name, period in seconds, capabilities", None, |opening| Box::pin(camera_devices::server(opening))),
@@ -86,7 +92,9 @@ pub const DEVICE_TYPES: &[DeviceType] = &[
     device_type("multipleanalogsensorsremapper", &[], "sensors of several devices as one; ThreeAxisGyroscopesNames and so on, a list of names for each kind", None, |opening| Box::pin(multiple_analog_sensors_devices::remapper(opening))),
     device_type("multipleanalogsensorsserver", &[], "serves sensors on ports; name, period in milliseconds, measure_lists 10 or 12", None, |opening| Box::pin(multiple_analog_sensors_devices::server(opening))),
     device_type("remotecontrolboardremapper", &["remoteControlBoardRemapper"], "boards served by other programs as one; axesNames, remoteControlBoards, localPortPrefix, REMOTE_CONTROLBOARD_OPTIONS", Some(SERVER), |opening| Box::pin(board_remapper::open_remote(opening))),
+    device_type(ROBOT_DESCRIPTION, &[], "tells which devices a robot has, once attached to yriDescriptionStorage; local", None, |opening| Box::pin(robot_description::open(opening))),
     device_type("simulatedSensors", &[], "an IMU and a force/torque sensor on the arm it attaches to, or on one of its own; imu, ft, frame, mass, centre, copies", Some(SENSOR_SERVER), |opening| Box::pin(multiple_analog_sensors_devices::simulated(opening))),
+    device_type("skinWrapper", &[], "serves a skin as iCub, on /ROBOT/skin/PART; robotName, period in milliseconds, ports", None, |opening| Box::pin(analog_sensor_devices::skin(opening))),
     device_type("simulatedWam", &[], "a simulated WAM arm that moves exactly as commanded", Some(SERVER), |opening| Box::pin(arms::ideal(opening))),
 ];
 

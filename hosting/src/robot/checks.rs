@@ -6,7 +6,7 @@ use std::fmt;
 use yarp_wire::settings::Origin;
 
 use super::device_parameters::find;
-use super::targets::{AttachTargets, need};
+use super::targets::{AttachTargets, STORAGE, need};
 use super::{Action, ActionKind, DeviceEntry, Param, Robot};
 use crate::device_types;
 
@@ -51,7 +51,8 @@ impl Robot {
         problems
     }
 
-    fn unknown_types(&self) -> Vec<Problem> {
+    /// Returns unknown device types, each once where it occurs first.
+    pub(super) fn unknown_types(&self) -> Vec<Problem> {
         let mut counts: BTreeMap<String, usize> = BTreeMap::new();
         let mut first = Vec::new();
         for device in &self.devices {
@@ -92,9 +93,9 @@ impl Robot {
             Err(reason) => vec![reason],
             Ok(AttachTargets::All) => Vec::new(),
             Ok(AttachTargets::Named(named)) => {
-                let unknown = named
-                    .into_iter()
-                    .filter(|(name, _)| !self.devices.iter().any(|known| known.name == *name));
+                let unknown = named.into_iter().filter(|(name, _)| {
+                    name != STORAGE && !self.devices.iter().any(|known| known.name == *name)
+                });
                 unknown
                     .map(|(name, _)| format!("there is no device {name}"))
                     .collect()

@@ -3,7 +3,10 @@
 use yarp_wire::settings::{Origin, Parameters, Setting, Settings};
 use yarp_wire::{Bottle, Value};
 
-use super::{DeviceEntry, Param, ParamValue, Robot, RobotError};
+use super::{Action, DeviceEntry, Param, ParamValue, Robot, RobotError};
+
+/// Number of characters of a wrong value that a warning shows.
+const MAX_SHOWN_TEXT: usize = 80;
 
 impl Robot {
     /// Returns the parameters of a device: its own, those of the robot, and `device`, `id` and
@@ -120,6 +123,17 @@ fn entry(param: &Param, origin: Option<&Origin>) -> Vec<Setting> {
     items
 }
 
+impl Action {
+    /// Returns the parameters as lists of a name and its values.
+    pub fn to_bottle(&self) -> Bottle {
+        let mut settings = Settings::new();
+        for param in &self.params {
+            settings.put_entry(param.name.clone(), entry(param, None));
+        }
+        settings.to_bottle()
+    }
+}
+
 impl Param {
     /// Creates a parameter whose value is given on the command line.
     pub(super) fn given(name: String, given: &Setting) -> Self {
@@ -131,24 +145,31 @@ impl Param {
     }
 
     /// Creates a parameter whose value is the text of a bottle, as in XML.
-    pub(super) fn from_text(name: String, text: &str, origin: Origin) -> Result<Self, RobotError> {
+    ///
+    /// A parameter whose brackets or quotes are not balanced is lost, with a warning, as in stock: `None`. Errors:
+    /// [`RobotError::Expected`] for lists that are nested too deeply.
+    pub(super) fn from_text(
+        name: String,
+        text: &str,
+        origin: Origin,
+    ) -> Result<Option<Self>, RobotError> {
         let open = text.matches('(').count();
-        let values = Bottle::parse(text).ok();
-        // An unclosed bracket or quote would be lost.
         let whole =
             open == text.matches(')').count() && text.matches('"').count().is_multiple_of(2);
-        let values = values.filter(|_| whole).ok_or_else(|| {
-            RobotError::expected(
-                &origin,
-                "a value with as many brackets and quotes that close as open",
-                text.trim(),
-            )
-        })?;
-        Ok(Self {
+        if !whole {
+            let beginning: String = text.trim().chars().take(MAX_SHOWN_TEXT).collect();
+            tracing::warn!(
+                "{origin}: parameter {name} is lost: expected a value with as many brackets and quotes that close as open, got {beginning}"
+            );
+            return Ok(None);
+        }
+        let values = Bottle::parse(text)
+            .map_err(|error| RobotError::expected(&origin, "a value", error.to_string()))?;
+        Ok(Some(Self {
             name,
             value: ParamValue::Values(values.into_items()),
             origin,
-        })
+        }))
     }
 
     /// Returns the text of the first value.

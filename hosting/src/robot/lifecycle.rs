@@ -5,11 +5,17 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use tokio::task::JoinSet;
 use yarp_devices::{Device, DeviceError};
-use yarp_ports::{Network, error_chain};
+use yarp_ports::{Network, Port, error_chain};
 
-use super::targets::{AttachTargets, need};
-use super::{Action, ActionKind, DeviceEntry, Param, Phase, Robot};
-use crate::{Attached, Hosted, open, park};
+use super::targets::{AttachTargets, STORAGE, need};
+use super::{
+    Action, ActionKind, DeviceDescription, DeviceEntry, Param, Phase, Robot, SharedDescriptions,
+    open_description_port,
+};
+use crate::{Attached, Hosted, Parts, device_types, open, park};
+
+/// Port at which `yarpmotorgui` of YARP 4.0 looks for the parts of a robot.
+const DESCRIPTION_PORT: &str = "/yarpRobotInterface/devices/rpc";
 
 /// Progress of a robot, shared with other tasks.
 #[derive(Clone, Debug, Default)]
@@ -57,21 +63,33 @@ pub struct RunningRobot {
     progress: Progress,
     /// True if all actions of the startup succeeded.
     ready: bool,
+    /// Port that tells other programs of the devices.
+    description: Option<Port>,
 }
 
 impl RunningRobot {
     /// Opens all devices in order, and runs the actions of the startup.
     ///
-    /// Errors are logged, with file and line. If a device does not open, the others are tried, then
+    /// Errors are logged, with file and line. If there are unknown device types, each is logged once and
+    /// nothing is opened. If a device does not open, the others are tried, then
     /// all are closed and the result is `None`. If an action fails, the others are run, and the
     /// robot is not [`ready`](Self::is_ready).
     pub async fn start(network: &Network, robot: Robot, progress: Progress) -> Option<Self> {
         progress.enter(Phase::Startup);
         tracing::info!("startup phase starting...");
+        let unknown = robot.unknown_types();
+        if !unknown.is_empty() {
+            for problem in unknown {
+                tracing::error!("{problem}");
+            }
+            tracing::error!("One or more devices failed opening");
+            return None;
+        }
         let mut running = Self {
             devices: Vec::new(),
             progress,
             ready: false,
+            description: None,
             robot,
         };
         let mut whole = true;
@@ -95,6 +113,7 @@ impl RunningRobot {
             return None;
         }
         running.ready = running.actions(Phase::Startup).await;
+        running.describe(network).await;
         if running.ready {
             tracing::info!("startup phase finished.");
             running.progress.enter(Phase::Run);
@@ -140,9 +159,45 @@ impl RunningRobot {
 
     /// Closes the devices in reverse order.
     pub async fn close(&mut self) {
+        if let Some(port) = self.description.take() {
+            port.close().await;
+        }
         while let Some((_, device)) = self.devices.pop() {
             device.close().await;
         }
+    }
+
+    /// Opens the port that tells of the devices, unless the robot has one itself, or another robot has its name.
+    async fn describe(&mut self, network: &Network) {
+        let mut entries = self.devices.iter();
+        if entries.any(|(entry, _)| entry.kind == device_types::ROBOT_DESCRIPTION) {
+            return;
+        }
+        if network.query(DESCRIPTION_PORT).await.is_ok() {
+            tracing::info!(
+                "there is a port {DESCRIPTION_PORT} already: this robot does not open one"
+            );
+            return;
+        }
+        let devices = SharedDescriptions::new(Mutex::new(Some(self.descriptions())));
+        match open_description_port(network, DESCRIPTION_PORT, devices).await {
+            Ok(port) => self.description = Some(port),
+            Err(error) => tracing::warn!("{}", error_chain(&error)),
+        }
+    }
+
+    /// Returns the open devices with their parameters.
+    fn descriptions(&self) -> Arc<[DeviceDescription]> {
+        let described = self.devices.iter().map(|(entry, _)| {
+            let parameters = self.robot.parameters(entry);
+            let text = parameters.map(|known| known.settings().to_bottle().to_string());
+            DeviceDescription {
+                name: entry.name.clone(),
+                kind: entry.kind.clone(),
+                configuration: text.unwrap_or_default(),
+            }
+        });
+        described.collect()
     }
 
     async fn open(
@@ -254,7 +309,13 @@ impl RunningRobot {
     /// Returns the devices that an attach action names.
     fn others(&self, params: &[Param]) -> Result<Vec<Attached>, String> {
         let one = |device: String, network: String| {
-            let parts = self.device(&device)?.parts();
+            let parts = match device.as_str() {
+                STORAGE => Parts {
+                    robot: Some(self.descriptions()),
+                    ..Parts::default()
+                },
+                name => self.device(name)?.parts(),
+            };
             Ok(Attached {
                 device,
                 network,

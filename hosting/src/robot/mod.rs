@@ -6,6 +6,8 @@
 //! | `xml_description` | descriptions in XML, as stock's `yarprobotinterface` reads them |
 //! | `toml_description` | descriptions in TOML |
 //! | `device_parameters` | parameters of devices as settings |
+//! | `description_server` | a port that tells which devices a robot has |
+//! | `substitutions` | other devices in the place of those of a description |
 //! | `checks` | what would fail later, for dry runs |
 //! | `targets` | the devices that an action names |
 //! | `lifecycle` | the phases of a robot's life |
@@ -15,10 +17,12 @@
 
 mod checks;
 mod description_files;
+mod description_server;
 mod device_parameters;
 mod include_tags;
 mod lifecycle;
 mod robot_error;
+mod substitutions;
 mod targets;
 mod tolerant_xml;
 mod toml_description;
@@ -33,8 +37,11 @@ use yarp_wire::Value;
 use yarp_wire::settings::{Origin, Settings};
 
 pub use checks::Problem;
+pub use description_server::DeviceDescription;
+pub(crate) use description_server::{SharedDescriptions, open_port as open_description_port};
 pub use lifecycle::{Progress, RunningRobot};
 pub use robot_error::RobotError;
+pub use substitutions::Substitutions;
 
 /// Description of a robot.
 #[derive(Clone, Debug, PartialEq)]

@@ -3,6 +3,9 @@
 use super::device_parameters::find;
 use super::{Param, ParamValue};
 
+/// Name of the list of all devices, to which `robotDescription_nws_yarp` attaches, as in stock.
+pub(super) const STORAGE: &str = "yriDescriptionStorage";
+
 /// Devices that an attach action names.
 pub(super) enum AttachTargets {
     /// All devices.

@@ -64,24 +64,39 @@ struct Reader<'a> {
 }
 
 /// A source file, which converts offsets to lines.
-struct SourceFile<'a> {
+pub(super) struct SourceFile<'a> {
     file: Arc<str>,
     text: &'a str,
 }
 
-type SpannedValue<'a> = Spanned<DeValue<'a>>;
+pub(super) type SpannedValue<'a> = Spanned<DeValue<'a>>;
 
-impl SourceFile<'_> {
+impl<'a> SourceFile<'a> {
+    pub(super) fn new(file: &Path, text: &'a str) -> Self {
+        Self {
+            file: file.display().to_string().into(),
+            text,
+        }
+    }
+
+    /// Parses the text.
+    pub(super) fn parse(&self) -> Result<Spanned<DeTable<'a>>, RobotError> {
+        DeTable::parse(self.text).map_err(|error| RobotError::Syntax {
+            origin: self.origin(error.span().unwrap_or_default()),
+            what: error.message().to_owned(),
+        })
+    }
+
     fn origin(&self, span: std::ops::Range<usize>) -> Origin {
         let before = self.text.get(..span.start).unwrap_or_default();
         Origin::line(self.file.clone(), before.matches('\n').count() + 1)
     }
 
-    fn at(&self, value: &SpannedValue<'_>) -> Origin {
+    pub(super) fn at(&self, value: &SpannedValue<'_>) -> Origin {
         self.origin(value.span())
     }
 
-    fn wrong(&self, value: &SpannedValue<'_>, expected: &str) -> RobotError {
+    pub(super) fn wrong(&self, value: &SpannedValue<'_>, expected: &str) -> RobotError {
         let found = match value.get_ref() {
             DeValue::String(text) => format!("\"{text}\""),
             other => format!("a value of type {}", other.type_str()),
@@ -89,12 +104,16 @@ impl SourceFile<'_> {
         RobotError::expected(&self.at(value), expected, found)
     }
 
-    fn text(&self, value: &SpannedValue<'_>, expected: &str) -> Result<String, RobotError> {
+    pub(super) fn text(
+        &self,
+        value: &SpannedValue<'_>,
+        expected: &str,
+    ) -> Result<String, RobotError> {
         let text = value.get_ref().as_str().map(str::to_owned);
         text.ok_or_else(|| self.wrong(value, expected))
     }
 
-    fn table<'v, 'd>(
+    pub(super) fn table<'v, 'd>(
         &self,
         value: &'v SpannedValue<'d>,
         expected: &str,
@@ -103,7 +122,7 @@ impl SourceFile<'_> {
         table.ok_or_else(|| self.wrong(value, expected))
     }
 
-    fn need<'v, 'd>(
+    pub(super) fn need<'v, 'd>(
         &self,
         table: &'v DeTable<'d>,
         key: &str,
@@ -116,7 +135,7 @@ impl SourceFile<'_> {
     }
 
     /// Rejects unknown keys, which are typing errors.
-    fn check_keys(
+    pub(super) fn check_keys(
         &self,
         table: &DeTable<'_>,
         known: &[&str],
@@ -143,7 +162,7 @@ impl SourceFile<'_> {
         number.ok_or_else(|| self.wrong(value, expected))
     }
 
-    fn words(&self, table: &DeTable<'_>, key: &str) -> Result<Vec<String>, RobotError> {
+    pub(super) fn words(&self, table: &DeTable<'_>, key: &str) -> Result<Vec<String>, RobotError> {
         let Some(value) = table.get(key) else {
             return Ok(Vec::new());
         };
@@ -159,14 +178,8 @@ impl SourceFile<'_> {
 impl Reader<'_> {
     fn file(&mut self, file: &Path, by: Option<&Origin>, depth: usize) -> Result<(), RobotError> {
         let text = self.files.read(file, by, depth)?;
-        let source = SourceFile {
-            file: file.display().to_string().into(),
-            text: &text,
-        };
-        let table = DeTable::parse(&text).map_err(|error| RobotError::Syntax {
-            origin: source.origin(error.span().unwrap_or_default()),
-            what: error.message().to_owned(),
-        })?;
+        let source = SourceFile::new(file, &text);
+        let table = source.parse()?;
         let table = table.get_ref();
         source.check_keys(
             table,
@@ -398,7 +411,10 @@ fn read_robot(source: &SourceFile<'_>, value: &SpannedValue<'_>) -> Result<Robot
 }
 
 /// Converts a value that is no table.
-fn plain(source: &SourceFile<'_>, value: &SpannedValue<'_>) -> Result<Value, RobotError> {
+pub(super) fn plain(
+    source: &SourceFile<'_>,
+    value: &SpannedValue<'_>,
+) -> Result<Value, RobotError> {
     let number = |text: &str| {
         let text = text.replace('_', "");
         text.parse::<f64>()

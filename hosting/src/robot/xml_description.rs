@@ -295,8 +295,8 @@ impl Reader<'_> {
                 let name = name_of(element)?;
                 let outside = element.attribute("extern-name").filter(|_| !self.old);
                 let given = outside.and_then(|name| self.given.get(name));
-                into.push(match given {
-                    Some(given) => Param::given(name, given),
+                into.extend(match given {
+                    Some(given) => Some(Param::given(name, given)),
                     None => Param::from_text(name, element.value()?, origin)?,
                 });
             }
@@ -307,7 +307,9 @@ impl Reader<'_> {
                     .children
                     .iter()
                     .try_for_each(|child| self.params(child, &mut inner))?;
-                if inner.is_empty() {
+                // A parameter may be lost, with a warning.
+                let is_param = |child: &Element| child.name == "param";
+                if inner.is_empty() && !element.children.iter().any(is_param) {
                     let expected = format!("parameters in <group name=\"{name}\">");
                     return Err(RobotError::expected(&origin, expected, "none"));
                 }
@@ -351,11 +353,8 @@ impl Reader<'_> {
             }
             let name = name_of(child)?;
             names.push(name.as_str().into());
-            elements.push(Param::from_text(
-                name,
-                child.value()?,
-                child.origin.clone(),
-            )?);
+            let origin = child.origin.clone();
+            elements.extend(Param::from_text(name, child.value()?, origin)?);
         }
         into.push(Param {
             name,
@@ -378,8 +377,18 @@ impl Reader<'_> {
                     .children
                     .iter()
                     .try_for_each(|child| self.params(child, &mut params))?;
+                let Some(phase) = Phase::of(element.need("phase")?) else {
+                    let words: Vec<_> = Phase::WORDS.iter().map(|(word, _)| *word).collect();
+                    tracing::warn!(
+                        "{}: expected phase of <action> to be one of {}, got {}: the action never runs",
+                        element.origin,
+                        words.join(", "),
+                        element.need("phase")?
+                    );
+                    return Ok(());
+                };
                 into.push(Action {
-                    phase: word(element, "phase", Phase::WORDS, Phase::of)?,
+                    phase,
                     kind: word(element, "type", ActionKind::WORDS, ActionKind::of)?,
                     level: element.whole_number("level")?,
                     params,

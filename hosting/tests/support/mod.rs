@@ -43,8 +43,16 @@ impl Stage {
         let file = self.folder.path().join(file);
         std::fs::write(&file, text).unwrap();
         let robot = Robot::read(&file, &ReadOptions::default()).expect("it is well described");
+        self.start(robot)
+    }
+
+    pub(crate) fn start(&self, robot: Robot) -> RunningRobot {
         let starting = RunningRobot::start(&self.network, robot, Progress::default());
         self.runtime.block_on(starting).expect("the devices open")
+    }
+
+    pub(crate) fn folder(&self) -> &std::path::Path {
+        self.folder.path()
     }
 
     pub(crate) fn end(&self, mut robot: RunningRobot) {

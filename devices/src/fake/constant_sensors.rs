@@ -1,0 +1,112 @@
+//! Sensors with constant values.
+
+use crate::clock;
+use crate::{
+    AnalogSensor, AnalogSensors, Device, DeviceError, SensorInfo, SensorKind, SensorReading,
+};
+
+/// Standard gravity, m/s².
+const GRAVITY: f64 = 9.80665;
+/// Temperature, °C.
+const TEMPERATURE: f64 = 25.0;
+
+/// Sensors of any names, as on a robot at rest: accelerometers measure gravity along z, temperatures are 25 °C, all other
+/// values are 0.
+///
+/// They take the place of boards of sensors that are not there. As one sensor of several channels
+/// ([`AnalogSensor`]) all channels are 0.
+///
+/// ```
+/// use yarp_devices::fake::ConstantSensors;
+/// use yarp_devices::{AnalogSensors, SensorKind};
+///
+/// let sensors = ConstantSensors::new(24).sensors_of(SensorKind::LinearAccelerometer, ["foot_acc"]);
+/// let reading = sensors.read_sensor(SensorKind::LinearAccelerometer, 0).unwrap();
+/// assert!(reading.values[2] > 9.8);
+/// ```
+#[derive(Clone, Debug)]
+pub struct ConstantSensors {
+    channels: usize,
+    names: [Vec<String>; SensorKind::ALL.len()],
+}
+
+impl ConstantSensors {
+    /// No sensors but `channels` channels, which is also the length of arrays and skin patches.
+    pub fn new(channels: usize) -> Self {
+        Self {
+            channels,
+            names: Default::default(),
+        }
+    }
+
+    /// Adds sensors of a kind; names that are there already are passed over.
+    pub fn sensors_of<S: Into<String>>(
+        mut self,
+        kind: SensorKind,
+        names: impl IntoIterator<Item = S>,
+    ) -> Self {
+        let known = &mut self.names[kind.index()];
+        for name in names {
+            let name = name.into();
+            if !known.contains(&name) {
+                known.push(name);
+            }
+        }
+        self
+    }
+}
+
+impl AnalogSensors for ConstantSensors {
+    fn sensors(&self, kind: SensorKind) -> Vec<SensorInfo> {
+        let names = self.names[kind.index()].iter();
+        names
+            .map(|name| SensorInfo {
+                name: name.clone(),
+                frame: match kind.size() {
+                    Some(_) => name.clone(),
+                    None => String::new(),
+                },
+            })
+            .collect()
+    }
+
+    fn read_sensors(&self, kind: SensorKind, readings: &mut Vec<SensorReading>) {
+        let mut values = vec![0.0; kind.size().unwrap_or(self.channels)];
+        match kind {
+            SensorKind::LinearAccelerometer => values[2] = GRAVITY,
+            SensorKind::Temperature => values[0] = TEMPERATURE,
+            _ => {}
+        }
+        let now = clock::now();
+        readings.resize_with(self.names[kind.index()].len(), SensorReading::default);
+        for reading in readings {
+            reading.set(&values, now);
+        }
+    }
+}
+
+impl AnalogSensor for ConstantSensors {
+    fn channels(&self) -> usize {
+        self.channels
+    }
+
+    fn read_channels(&self, reading: &mut SensorReading) {
+        reading.set(&vec![0.0; self.channels], clock::now());
+    }
+
+    /// Succeeds: all channels are 0 already.
+    fn calibrate(&self, channel: Option<usize>) -> Result<(), DeviceError> {
+        match channel {
+            Some(channel) if channel >= self.channels => Err(DeviceError::Unsuitable {
+                what: "channel",
+                asked: channel.to_string(),
+                expected: format!("one of {}, counted from 0", self.channels),
+            }),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl Device for ConstantSensors {
+    crate::offers! { analog_sensors: AnalogSensors, analog_sensor: AnalogSensor }
+}

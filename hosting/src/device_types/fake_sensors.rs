@@ -1,0 +1,54 @@
+//! Sensors with constant values, in the place of boards that are not there.
+
+use std::sync::Arc;
+
+use yarp_devices::fake::ConstantSensors;
+use yarp_devices::{Device, SensorKind};
+
+use super::{OpenResult, Opening};
+use crate::{Attached, Future, HostError, Hosted, Parts};
+
+/// Maximum number of channels; a large skin has some thousands.
+const MAX_CHANNELS: usize = 10_000;
+
+/// Opens sensors with the names that stock's `multipleanalogsensorsremapper` selects, and `channels` channels.
+pub(super) async fn open(opening: Opening<'_>) -> OpenResult {
+    let parameters = opening.parameters;
+    let channels = parameters.get_or("channels", 6)?;
+    if !(1..=MAX_CHANNELS).contains(&channels) {
+        let expected = format!("1 to {MAX_CHANNELS} channels");
+        return Err(parameters.refuse("channels", expected).into());
+    }
+    let mut sensors = ConstantSensors::new(channels);
+    for kind in SensorKind::ALL {
+        let names = parameters.list::<String>(&format!("{}Names", kind.stock_name()))?;
+        sensors = sensors.sensors_of(kind, names.unwrap_or_default());
+    }
+    Ok(Box::new(FakeSensors(Arc::new(sensors))))
+}
+
+struct FakeSensors(Arc<dyn Device>);
+
+impl Hosted for FakeSensors {
+    fn parts(&self) -> Parts {
+        Parts {
+            sensors: Some(self.0.clone()),
+            channels: Some(self.0.clone()),
+            ..Parts::default()
+        }
+    }
+
+    /// Has no effect: a device that these sensors replace may attach to others, as a filter does.
+    fn attach(&mut self, others: Vec<Attached>) -> Future<'_, Result<(), HostError>> {
+        drop(others);
+        Box::pin(async { Ok(()) })
+    }
+
+    fn detach(&mut self) -> Future<'_, Result<(), HostError>> {
+        Box::pin(async { Ok(()) })
+    }
+
+    fn close(self: Box<Self>) -> Future<'static, ()> {
+        Box::pin(async {})
+    }
+}
