@@ -32,6 +32,7 @@ mod mat;
 mod object_shape;
 mod overlay;
 pub mod recognition;
+
 #[cfg(feature = "table")]
 pub mod simulated;
 
