@@ -189,7 +189,8 @@ fn whatever_is_lost_or_fails_the_tool_holds() {
     let lost = |what: &'static str| move |error: &ServoError| matches!(error, ServoError::Lost { what: w, .. } if *w == what);
     type Check = Box<dyn Fn(&ServoError) -> bool>;
     let failed = |error: &ServoError| matches!(error, ServoError::Failed { .. });
-    let cases: Vec<(&str, fn(&mut Fake), Check)> = vec![
+    type Case = (&'static str, fn(&mut Fake), Check);
+    let cases: Vec<Case> = vec![
         (
             "tool hidden",
             |fake| fake.hides_tool = 4,
