@@ -11,6 +11,7 @@
 //! | `recognition/` | [`Recogniser`]: SIFT, circles, polygons, in this order |
 //! | `evaluation` | detections against ground truth: counts, ROC curve, equal-error point |
 //! | `image_source` | the latest image of a camera, a thread, a folder |
+//! | [`servoing`] | the last centimetres of an approach, corrected from images |
 //! | `back_projection` | pixels to points and directions in the arm's base frame |
 //! | `simulated/` | evaluation on the simulated table (feature `table`) |
 //! | `object_shape` | [`Shape`], [`Detection`] |
@@ -32,6 +33,8 @@ mod mat;
 mod object_shape;
 mod overlay;
 pub mod recognition;
+pub mod servoing;
+
 #[cfg(feature = "table")]
 pub mod simulated;
 

@@ -88,6 +88,33 @@ fn flat_and_small_things_are_no_objects() {
 }
 
 #[test]
+fn touching_boxes_in_an_l_are_no_box_around_them() {
+    // The detector compared the hull of a face with its rectangle: the free quarter of an L was hidden by the hull.
+    for size in [0.05, 0.06, 0.07] {
+        let cube = [size, size, 0.06];
+        let [x, y] = MIDDLE;
+        let whole = [([2.0 * size, 2.0 * size, 0.06], MIDDLE)];
+        assert_eq!(
+            Table::with(&whole).find([0.04, 0.16], [0.03, 0.12]).len(),
+            1
+        );
+        let half = size / 2.0;
+        let boxes = [
+            (cube, [x - half, y - half]),
+            (cube, [x + half, y - half]),
+            (cube, [x - half, y + half]),
+        ];
+        let found = Table::with(&boxes).find([0.04, 0.16], [0.03, 0.12]);
+        for object in found {
+            let place = object.pose.unwrap().position;
+            let is_at =
+                |middle: &[f64; 2]| (place.x - middle[0]).hypot(place.y - middle[1]) < 0.003;
+            assert!(boxes.iter().any(|(_, middle)| is_at(middle)), "{object:?}");
+        }
+    }
+}
+
+#[test]
 fn an_object_at_the_border_of_the_image_is_found_only_if_all_of_it_is_seen() {
     // Above the table, the image ends 0.252 m from its middle: 482 of 1629 pixels at a distance of 0.851 m.
     let size = [0.06, 0.06, 0.06];

@@ -132,6 +132,19 @@ fn an_arc_is_enough_of_a_glass() {
 }
 
 #[test]
+fn a_plate_that_something_divides_is_located_by_all_of_its_parts() {
+    // The detector took the circle of one part, whose arc is short: 4.6 mm off.
+    let plate = Shape::Plate {
+        radius: 0.099,
+        height: 0.022,
+    };
+    let table = Table::with(plate, 0.0);
+    let table = table.hide_from_depth(|x, y| (x - 0.03).abs() < 0.015 || y < -0.055);
+    let size = table.assert_found("plate").size.unwrap();
+    assert!((size[0] - 0.198).abs() < 0.002, "{size:?}");
+}
+
+#[test]
 fn nobody_knows_where_a_box_ends_that_both_sensors_see_in_part() {
     let cuboid = Shape::Box {
         size: [0.07, 0.13, 0.06],

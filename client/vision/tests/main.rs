@@ -13,4 +13,5 @@ mod hidden_objects;
 mod image_sources;
 mod real_photographs;
 mod remote_images;
+mod servoing;
 mod simulated_tables;

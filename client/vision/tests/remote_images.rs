@@ -136,3 +136,33 @@ fn a_camera_that_is_not_there_is_an_error() {
     assert!(error.contains("/grabber"), "{error}");
     wait(names.close());
 }
+
+#[test]
+fn images_go_on_when_the_name_server_disappears() {
+    let lab = Lab::start(50.0);
+    let mut images = lab.images("fast_tcp", TIMEOUT);
+    let first = images.latest().unwrap();
+    let Lab {
+        names,
+        network,
+        camera,
+        server,
+        _folder,
+    } = lab;
+    wait(names.close());
+    let start = Instant::now();
+    // An image of after the name server's end: some may have been on their way.
+    while images.latest().unwrap().number < first.number + 20 {
+        assert!(start.elapsed() < TIMEOUT, "no further images");
+        std::thread::yield_now();
+    }
+    // A new connection fails.
+    let network = network.with_timeout(Duration::from_secs(2));
+    let options = RemoteFrameGrabberOptions::new("/grabber", "/test/late");
+    let error = Camera::open(&network, options).map_err(VisionError::from);
+    let error = error.err().unwrap().to_string();
+    assert!(error.contains("/grabber"), "{error}");
+    drop(images);
+    wait(server.close());
+    drop(camera);
+}

@@ -2,6 +2,8 @@
 
 mod detect;
 #[cfg(feature = "table")]
+mod servo_evaluation;
+#[cfg(feature = "table")]
 mod vision_evaluation;
 #[cfg(feature = "table")]
 mod vision_selection;
@@ -28,6 +30,9 @@ enum Action {
     /// Select the detector's parameters by ROC curves on training tables, with results on a test split
     #[cfg(feature = "table")]
     Select(vision_selection::Args),
+    /// Compare visual servoing on simulated tables with open loop under an error of the calibration; exits with 1 below the target
+    #[cfg(feature = "table")]
+    Servo(servo_evaluation::Args),
 }
 
 fn failed(error: impl std::error::Error + Send + Sync + 'static) -> Failure {
@@ -41,5 +46,7 @@ pub(super) fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         Action::Evaluate(args) => vision_evaluation::run(args, out),
         #[cfg(feature = "table")]
         Action::Select(args) => vision_selection::run(args, out),
+        #[cfg(feature = "table")]
+        Action::Servo(args) => servo_evaluation::run(args, out),
     }
 }

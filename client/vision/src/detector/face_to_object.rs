@@ -6,19 +6,26 @@ use nalgebra::Point3;
 use opencv::core::Mat;
 
 use super::height_map::Face;
-use super::outline::{self, Outline};
+use super::outline::{self, Outline, RimPoint};
 use super::partial_polygon::MIN_FREE;
 use super::print_recognition::{Print, RectifiedFace};
 use super::visibility::DepthView;
 use super::{
     DetectorParameters, DetectorSetup, FoundObject, KindFace, ObjectDatabase, ObjectKind, refine,
 };
+use crate::circle_fit::mean;
 use crate::{Detection, Elevation, Polygon, Result, Shape, VisionError};
 
 /// Largest difference between a measured and a listed size, m.
 const SIZE_TOLERANCE: f64 = 0.005;
 /// Largest distance of an outline beyond the border of the image, pixels.
 const BORDER_TOLERANCE: f64 = 2.0;
+/// Largest error of the centre of a circle in the depth image that does not decrease with the number of its points, m.
+const RIM_BIAS: f64 = 0.0005;
+/// Largest deviation of the centre of a circle: three times as much is what a position may be off.
+const MAX_DEVIATION: f64 = 0.005 / 3.0;
+/// Largest difference in height of the parts of a face that something divides, m.
+const SAME_FACE: f64 = 0.003;
 /// Smallest free share of the places beyond each side of a face of which nothing is hidden.
 const MIN_WHOLE: f64 = 0.8;
 /// Threads that examine faces.
@@ -45,7 +52,8 @@ impl Examiner<'_> {
                 let Some(face) = faces.get(index) else {
                     return Ok(found);
                 };
-                found.extend(self.examine(image, face)?.map(|object| (index, object)));
+                let object = self.examine_divided(image, face, faces)?;
+                found.extend(object.map(|object| (index, object)));
             }
         };
         let parts: Vec<Result<Vec<(usize, FoundObject)>>> = std::thread::scope(|scope| {
@@ -64,6 +72,36 @@ impl Examiner<'_> {
         Ok(all.into_iter().map(|(_, object)| object).collect())
     }
 
+    /// Returns the object whose upper face this is, with the other parts of it if something divides it: a part alone has a
+    /// short arc, or a side of what is in the way.
+    fn examine_divided(
+        &self,
+        image: &Mat,
+        face: &Face,
+        faces: &[Face],
+    ) -> Result<Option<FoundObject>> {
+        let Some(found) = self.examine(image, face)? else {
+            return Ok(None);
+        };
+        let top = self.setup.surface + face.height;
+        let is_part = |other: &&Face| {
+            let [x, y] = mean(&other.points);
+            let pixel = self.setup.camera.project(&Point3::new(x, y, top));
+            !std::ptr::eq(*other, face)
+                && (other.height - face.height).abs() < SAME_FACE
+                && pixel.is_some_and(|pixel| found.detection.contains(pixel))
+        };
+        let mut whole = face.clone();
+        for part in faces.iter().filter(is_part) {
+            whole.points.extend(&part.points);
+            whole.hidden_beside.extend(&part.hidden_beside);
+        }
+        if whole.points.len() == face.points.len() {
+            return Ok(Some(found));
+        }
+        Ok(Some(self.examine(image, &whole)?.unwrap_or(found)))
+    }
+
     /// Returns the object whose upper face this is.
     fn examine(&self, image: &Mat, face: &Face) -> Result<Option<FoundObject>> {
         let rim = outline::rim(face);
@@ -73,15 +111,19 @@ impl Examiner<'_> {
         {
             let free = self.view.least_free(&outline, face.height);
             if free >= MIN_FREE {
-                let object = self.refined(image, &outline, face.height, fill)?;
-                if object.is_some() || free >= MIN_WHOLE {
+                let object = self.refined(image, &outline, &rim, face.height, fill)?;
+                let is_concave = matches!(outline, Outline::Polygon(_))
+                    && object
+                        .as_ref()
+                        .is_some_and(|found| !self.agrees(found, face));
+                if !is_concave && (object.is_some() || free >= MIN_WHOLE) {
                     return Ok(object);
                 }
             }
         }
         if let Some(circle) = outline::partial_circle(&rim)
             && self.view.least_free(&circle, face.height) >= MIN_FREE
-            && let Some(object) = self.refined(image, &circle, face.height, 1.0)?
+            && let Some(object) = self.refined(image, &circle, &rim, face.height, 1.0)?
         {
             return Ok(Some(object));
         }
@@ -96,9 +138,16 @@ impl Examiner<'_> {
         &self,
         image: &Mat,
         outline: &Outline,
+        rim: &[RimPoint],
         height: f64,
         fill: f64,
     ) -> Result<Option<FoundObject>> {
+        if outline
+            .centre_uncertainty(rim)
+            .is_some_and(|deviation| deviation > MAX_DEVIATION)
+        {
+            return Ok(None);
+        }
         let top = self.setup.surface + height;
         let camera = &self.setup.camera;
         let gradient = self.parameters.gradient;
@@ -106,12 +155,35 @@ impl Examiner<'_> {
         else {
             return Ok(None);
         };
-        let (outline, _) = around.refine(outline, self.parameters.reach);
-        let (outline, support) = around.refine(&outline, self.parameters.reach / 2.0);
+        let (outline, support) = self.moved_onto_edges(&around, outline, rim);
         if support < self.parameters.min_support || !self.is_within_image(&outline, top) {
             return Ok(None);
         }
         self.named(image, &outline, height, fill * support)
+    }
+
+    /// Returns an outline moved onto edges of the colour image, and the share of it that lies on edges.
+    ///
+    /// Near the rim of a plate there are printed rings, near that of a glass its wall and what hides a part: a circle whose
+    /// centre moves farther than the rim in the depth image allows has met such edges, and stays where it was.
+    fn moved_onto_edges(
+        &self,
+        around: &refine::Surroundings<'_>,
+        seen: &Outline,
+        rim: &[RimPoint],
+    ) -> (Outline, f64) {
+        let reach = self.parameters.reach;
+        let (outline, _) = around.refine(seen, reach);
+        let (outline, support) = around.refine(&outline, reach / 2.0);
+        let allowed = seen
+            .centre_uncertainty(rim)
+            .map(|deviation| RIM_BIAS + 3.0 * deviation);
+        let [before, after] = [seen, &outline].map(Outline::centre);
+        let moved = (after[0] - before[0]).hypot(after[1] - before[1]);
+        match allowed {
+            Some(allowed) if moved > allowed => (seen.clone(), support),
+            _ => (outline, support),
+        }
     }
 
     /// Returns whether an outline lies within the image: of one that does not, nobody knows where it ends.

@@ -50,7 +50,7 @@ impl Examiner<'_> {
             let Some(outline) = polygon.outline() else {
                 continue;
             };
-            if let Some(object) = self.refined(image, &outline, face.height, 1.0)?
+            if let Some(object) = self.refined(image, &outline, rim, face.height, 1.0)?
                 && self.agrees(&object, face)
             {
                 return Ok(Some(object));
@@ -118,7 +118,7 @@ impl Examiner<'_> {
     }
 
     /// Returns whether an outline contains the points of a face, and nothing that the depth image shows to be free.
-    fn agrees(&self, object: &FoundObject, face: &Face) -> bool {
+    pub(super) fn agrees(&self, object: &FoundObject, face: &Face) -> bool {
         let camera = &self.setup.camera;
         let top = self.setup.surface + face.height;
         let on_plane = |pixel: &[f64; 2]| -> Option<[f64; 2]> {

@@ -4,13 +4,16 @@
 //! | --- | --- |
 //! | `mod` | scenes, cameras and database of the table |
 //! | `score` | [`Evaluation`]: counts, position errors, times |
+//! | `servo_trials` | [`servo_trial`]: visual servoing against open loop |
 //! | `parameter_selection` | parameters selected by ROC curves on training scenes |
 
 mod parameter_selection;
 mod score;
+mod servo_trials;
 
 pub use parameter_selection::{ParameterCurve, Selection, select, write_roc};
 pub use score::{Evaluation, MATCH_DISTANCE, MIN_VISIBLE, ObjectClass, Row, Targets};
+pub use servo_trials::{ServoTrial, ServoTrialOptions, servo_trial};
 
 use yarp_table::{
     BrickKind, Camera, Class, Dataset, DatasetOptions, DepthNoise, Face, GroundTruth, NoRoom,
