@@ -23,10 +23,12 @@ impl Remapper {
         &self,
         command: impl Fn(&dyn SoftwareStop) -> Result<(), DeviceError>,
     ) -> Result<(), DeviceError> {
-        self.stops().fold(Ok(()), |outcome, (part, stop)| {
+        let mut outcome = Ok(());
+        for (part, stop) in self.stops() {
             let done = command(stop).map_err(|error| part.refused(error));
-            outcome.and(done)
-        })
+            outcome = outcome.and(done);
+        }
+        outcome
     }
 }
 

@@ -97,9 +97,8 @@ impl ArmControl {
                 self.mode(other),
                 Mode::Position | Mode::Velocity | Mode::PositionDirect
             ) {
-                let stalled = self.stall.stalls[other.index()];
+                // One that has stalled too is in position mode, and keeps its report.
                 self.come_to_rest(other);
-                self.stall.stalls[other.index()] = stalled;
             }
         }
         self.stall.times[joint] = Duration::ZERO;

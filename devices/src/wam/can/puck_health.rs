@@ -275,6 +275,12 @@ mod tests {
             health.note(2, property, usual).unwrap();
             assert!(!health.is_in_doubt() && health.too_hot().is_none());
         }
+        // A puck that does not answer again does not keep the others from being asked.
+        health.note(2, PuckProperty::TEMP, 80).unwrap();
+        for _ in 0..MAX_CONFIRMATIONS {
+            assert_eq!(health.question(), (Node::of_motor(2), PuckProperty::TEMP));
+        }
+        assert!(!health.is_in_doubt());
         for nonsense in [-300, 151, 30_000] {
             read(&mut health, nonsense);
             assert!(health.too_hot().is_none());
