@@ -9,7 +9,7 @@ use std::net::TcpListener;
 use common::Home;
 
 /// Returns two free TCP ports.
-fn free_ports() -> String {
+pub(crate) fn free_ports() -> String {
     let listen = || TcpListener::bind("127.0.0.1:0").unwrap();
     let (one, other) = (listen(), listen());
     let port = |listener: &TcpListener| listener.local_addr().unwrap().port();

@@ -37,6 +37,7 @@ mod robotinterface_command;
 mod run_command;
 mod sample_command;
 mod server_bind_address;
+mod software_stop_ports;
 mod split_command;
 mod teach_command;
 mod ten_thousand_names;

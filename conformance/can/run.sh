@@ -24,7 +24,7 @@ program="${CARGO_TARGET_DIR:-target}/debug/examples/arm_on_vcan"
 work="$(mktemp -d)"
 trap 'rm -rf "$work"' EXIT
 disk="$work/disk"
-mkdir -p "$disk"/{bin,dev,modules,proc,sys}
+mkdir -p "$disk"/{bin,dev,modules,proc,sys,tmp}
 cp "$CACHE/busybox" "$disk/bin/busybox"
 for name in sh ip; do ln -s busybox "$disk/bin/$name"; done
 cp "$program" "$disk/bin/arm_on_vcan"
@@ -38,9 +38,11 @@ chmod +x "$disk/init"
 (cd "$disk" && find . | "$CACHE/busybox" cpio -o -H newc 2>"$work/cpio") | gzip -1 >"$work/initrd" ||
     fail "no RAM disk could be made: $(cat "$work/cpio")"
 
+# The kernel hands parameters that it does not know to the first process, as variables.
+histories="YARP_CAN_HISTORIES=${YARP_CAN_HISTORIES:-2} YARP_CAN_FIRST_HISTORY=${YARP_CAN_FIRST_HISTORY:-0}"
 status=0
 timeout "$DEADLINE" qemu-system-x86_64 -M pc -cpu max -smp 1 -m 256 -icount shift=1,sleep=off \
-    -kernel "$CACHE/vmlinuz" -initrd "$work/initrd" -append "console=ttyS0 quiet panic=-1" \
+    -kernel "$CACHE/vmlinuz" -initrd "$work/initrd" -append "console=ttyS0 quiet panic=-1 $histories" \
     -nodefaults -no-reboot -display none -serial stdio </dev/null 2>&1 | tee "$work/console" || status=$?
 [ "$status" = 0 ] || fail "the virtual machine ended with $status (124: after $DEADLINE s); try again with CAN_DEADLINE"
 grep -aq '^VERDICT: all [1-9][0-9]* scenarios hold' "$work/console" ||

@@ -1,7 +1,9 @@
 //! The driver of the arm's CAN bus against simulated pucks on a CAN interface of the kernel, which `conformance/can`
-//! runs in a virtual machine: `arm_on_vcan INTERFACE`, as root, since the interface goes up and down.
+//! runs in a virtual machine: `arm_on_vcan INTERFACE`, as root, since the interface goes up and down. After the scenarios
+//! come as many random histories as the variable `YARP_CAN_HISTORIES` says, 2 without it, from the seed
+//! `YARP_CAN_FIRST_HISTORY` on, 0 without it.
 //!
-//! Prints a line for each scenario, and `VERDICT: ` with `all N scenarios hold` or what failed.
+//! Prints a line for each scenario and history, and `VERDICT: ` with `all N scenarios hold` or what failed.
 
 #[cfg(target_os = "linux")]
 #[path = "../tests/support/can/mod.rs"]
@@ -25,7 +27,7 @@ fn main() -> std::process::ExitCode {
         .into_iter()
         .chain([kernel::NOISE, kernel::RATE]);
     let mut count = 0;
-    for (name, scenario) in scenarios {
+    let mut run = |name: String, scenario: &dyn Fn(&dyn can::Rig)| {
         count += 1;
         println!("{name} ...");
         let whole = catch_unwind(AssertUnwindSafe(|| {
@@ -36,6 +38,21 @@ fn main() -> std::process::ExitCode {
         if whole.is_err() {
             failed.push(name);
         }
+    };
+    for (name, scenario) in scenarios {
+        run(name.to_owned(), &scenario);
+    }
+    let number = |name: &str, default: u64| {
+        let asked = std::env::var(name).ok();
+        asked
+            .and_then(|asked| asked.parse().ok())
+            .unwrap_or(default)
+    };
+    let first = number("YARP_CAN_FIRST_HISTORY", 0);
+    for seed in first..first.saturating_add(number("YARP_CAN_HISTORIES", 2)) {
+        let record = std::env::temp_dir().join(format!("history{seed}"));
+        let live = |rig: &dyn can::Rig| can::histories::live(rig, seed, record.clone());
+        run(format!("history {seed}"), &live);
     }
     if failed.is_empty() {
         println!("VERDICT: all {count} scenarios hold");

@@ -63,6 +63,7 @@ mod simulated_moves;
 mod simulated_sensors;
 mod simulated_wam_checks;
 mod software_stop;
+mod stalled_joints;
 mod stopped_commands;
 mod torque_and_compliance;
 mod torque_limit_of_gains;

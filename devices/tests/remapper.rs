@@ -495,3 +495,48 @@ fn boards_that_do_not_add_up_are_refused() {
         "two devices are called left, expected a name of its own for each"
     );
 }
+
+/// A stop that leaves a device moving would be none.
+#[test]
+fn a_board_stops_if_all_its_devices_can() {
+    use yarp_devices::StopState;
+    use yarp_devices::guard::{Guarded, GuardedOptions};
+
+    let guarded = || -> Arc<dyn Device> {
+        let arm = Arc::new(SimulatedWam::new());
+        Arc::new(Guarded::around(arm, GuardedOptions::default()).unwrap())
+    };
+    let board = |right: Arc<dyn Device>| {
+        let arms = vec![("left".to_owned(), guarded()), ("right".to_owned(), right)];
+        Remapper::of_joints(arms, &[(0, 0.into()), (1, 0.into())]).unwrap()
+    };
+    assert!(
+        board(Arc::new(SimulatedWam::new()))
+            .software_stop()
+            .is_none()
+    );
+    let right = guarded();
+    let board = board(right.clone());
+    let stop = board.software_stop().expect("both have one");
+    stop.stop_motion().unwrap();
+    assert_eq!(stop.stop_state(), StopState::Stopped);
+    let moved = board
+        .position_control()
+        .unwrap()
+        .position_move(Axes::All, &[5.0, 5.0]);
+    assert!(moved.is_err());
+    right.software_stop().unwrap().release();
+    assert_eq!(
+        stop.stop_state(),
+        StopState::Released,
+        "one arm moves again"
+    );
+    // Neither has a brake: both are stopped, and the caller is told.
+    assert!(stop.brake().is_err());
+    assert_eq!(stop.stop_state(), StopState::Stopped);
+    stop.release();
+    assert_eq!(
+        right.software_stop().unwrap().stop_state(),
+        StopState::Released
+    );
+}

@@ -31,4 +31,6 @@ holds! {
     limits_reach_the_safety_module
     pucks_answer_callers
     the_software_brake_leaves_the_way_out_to_the_pendant
+    a_hot_puck_stops_the_arm_until_it_has_cooled
+    a_puck_in_its_error_state_has_the_arm_braked
 }

@@ -7,10 +7,11 @@ use std::time::Duration;
 
 use yarp_devices::can::CanFrame;
 use yarp_devices::can::puck::{Address, Group, Node, PuckMessage, PuckProperty, Target};
+use yarp_devices::kinematics::Joints;
 use yarp_devices::simulation::{SimulatedPucks, SimulatorOptions};
 use yarp_devices::wam::WamModel;
 use yarp_devices::wam::can::CanWam;
-use yarp_devices::{Axes, AxisIndex, Encoders, PositionControl};
+use yarp_devices::{Axes, AxisIndex, Encoders, JointFault, PositionControl};
 
 use crate::can;
 
@@ -173,4 +174,48 @@ fn a_simulated_puck_follows_its_own_largest_torque() {
     };
     assert_eq!(speed(5000), speed(1000));
     assert_ne!(speed(1000), speed(900));
+}
+
+/// Each puck has its own limit, as Barrett has set it.
+#[test]
+fn the_limit_of_a_temperature_is_that_of_the_puck() {
+    let rig = Memory::new();
+    drop(start(&rig));
+    let limit = PuckMessage::Value {
+        property: PuckProperty::OTEMP,
+        value: 50,
+    };
+    let frame = limit.frame(Address::from_host(Node::of_motor(2)));
+    rig.pucks().lock().receive(&frame, &mut Vec::new());
+    let arm = active(&rig);
+    for motor in [1, 2] {
+        rig.pucks().lock().set_temperature(motor, Some(51));
+    }
+    until("the arm holds", || arm.status().held.is_some());
+    let held = arm.status().held.unwrap_or_default();
+    assert!(
+        held.contains("puck 3") && held.contains("limit is 50 °C"),
+        "{held}"
+    );
+    rig.pucks().lock().set_temperature(2, Some(40));
+    until("the arm goes on", || arm.status().held.is_none());
+}
+
+/// A joint that somebody pushes away has stalled, and its fault says so until it is commanded again.
+#[test]
+fn a_stall_is_a_fault_of_its_joint() {
+    let rig = Memory::new();
+    let arm = active(&rig);
+    let wrist = AxisIndex::new(4);
+    let mut push = Joints::<7>::zeros();
+    push[4] = 4.0;
+    rig.pucks().lock().simulator_mut().twist(push);
+    until("a stall", || arm.last_fault(wrist).unwrap().code == 2);
+    rig.pucks().lock().simulator_mut().twist(Joints::zeros());
+    let fault = arm.last_fault(wrist).unwrap();
+    assert!(fault.message.contains("joint 4 has stalled"), "{fault:?}");
+    assert_eq!(arm.last_fault(0.into()).unwrap().code, 0);
+    arm.relative_move(wrist.into(), &[1.0])
+        .expect("the next command");
+    assert_eq!(arm.last_fault(wrist).unwrap().code, 0);
 }

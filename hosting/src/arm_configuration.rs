@@ -13,6 +13,10 @@
 //! | `jointMin`, `jointMax` | position limits, seven numbers each, degrees; within those of the arm |
 //! | `positionKp`, `positionKi`, `positionKd` | gains of the position loops, seven numbers each, Nm per rad, as in libbarrett |
 //! | `maxTorques` | torque limits of the joints, seven numbers, Nm |
+//! | `stallTorques` | torques of the position loops at which joints stall, seven numbers, Nm; default those of owd |
+//! | `stallError` | distance from the set point at which a joint stalls, degrees; default 10 |
+//! | `stallTime` | time for which a joint shows one of these without getting on, s; default 0.2 |
+//! | `noStallDetection` | no joint is stopped because it stalls |
 //! | `guard`, `noGuard` | puts guards in front of an ideal simulation; removes those in front of any other arm |
 //! | `velocityTimeout` | time after which a velocity without a new command ends, s; default 1 |
 //! | `effortTimeout` | the same for torques, currents and duty cycles, s; default 0.2 |
@@ -27,7 +31,7 @@ use yarp_devices::guard::{
 };
 use yarp_devices::kinematics::Pose;
 use yarp_devices::wam::can::{CanOptions, ZeroCalibration};
-use yarp_devices::wam::{Transmission, WamModel};
+use yarp_devices::wam::{StallLimits, Transmission, WamModel};
 use yarp_devices::{Device, DeviceError, Limits};
 use yarp_wire::settings::Parameters;
 
@@ -38,6 +42,9 @@ const AXES: usize = 7;
 /// Maximum payload, kg (Barrett's data sheet of the arm with four joints), and distance of its centre, m.
 const MAX_PAYLOAD: f64 = 4.0;
 const MAX_PAYLOAD_DISTANCE: f64 = 1.0;
+/// Maximum distance from the set point, deg, and time of a stall.
+const MAX_STALL_ERROR: f64 = 360.0;
+const MAX_STALL_TIME: Duration = Duration::from_secs(10);
 /// Maximum length of a tool, m.
 const MAX_TOOL: f64 = 2.0;
 
@@ -90,6 +97,7 @@ impl ArmConfiguration {
         model = with_payload(model, parameters)?;
         model = with_mechanics(model, parameters)?;
         with_loops(&mut model, parameters)?;
+        model.stall = stall_limits(model.stall, parameters)?;
         Ok(Self {
             model,
             can,
@@ -294,6 +302,44 @@ fn with_loops(model: &mut WamModel<AXES>, parameters: &Parameters) -> Result<(),
     Ok(())
 }
 
+/// Reads the signs of a stalled joint; wider ones than the default are logged.
+fn stall_limits(
+    default: Option<StallLimits<AXES>>,
+    parameters: &Parameters,
+) -> Result<Option<StallLimits<AXES>>, HostError> {
+    let expected = "seven torques of the position loops in Nm, above 0";
+    let range = Limits::new(1e-3, 1e5);
+    let torques = numbers::<AXES>(parameters, "stallTorques", range, expected)?;
+    let error = parameters.get::<f64>("stallError")?;
+    let time = parameters.get::<Duration>("stallTime")?;
+    if flag(parameters, "noStallDetection")? {
+        tracing::warn!("a joint that stalls or collides is not stopped");
+        return Ok(None);
+    }
+    let Some(default) = default else {
+        return Ok(None);
+    };
+    if error.is_some_and(|error| !(0.1..=MAX_STALL_ERROR).contains(&error)) {
+        let expected = "a distance of 0.1 to 360 degrees";
+        return Err(parameters.refuse("stallError", expected).into());
+    }
+    if time.is_some_and(|time| time > MAX_STALL_TIME) {
+        let expected = "a time of at most 10 seconds";
+        return Err(parameters.refuse("stallTime", expected).into());
+    }
+    let asked = StallLimits {
+        torques: torques.unwrap_or(default.torques),
+        error: error.unwrap_or(default.error),
+        time: time.unwrap_or(default.time),
+    };
+    let widens = asked.error > default.error || asked.time > default.time;
+    let pushes = asked.torques.iter().zip(default.torques);
+    if widens || pushes.into_iter().any(|(asked, default)| *asked > default) {
+        tracing::warn!(?asked, "joints stall later than by default");
+    }
+    Ok(Some(asked))
+}
+
 fn guards(parameters: &Parameters) -> Result<GuardConfiguration, HostError> {
     let (guard, none) = (flag(parameters, "guard")?, flag(parameters, "noGuard")?);
     if guard && none {
@@ -306,4 +352,45 @@ fn guards(parameters: &Parameters) -> Result<GuardConfiguration, HostError> {
         velocity_timeout: parameters.get_or("velocityTimeout", DEFAULT_VELOCITY_TIMEOUT)?,
         effort_timeout: parameters.get_or("effortTimeout", DEFAULT_EFFORT_TIMEOUT)?,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use yarp_wire::settings::{NoSource, Origin, Settings};
+
+    use super::*;
+
+    fn of(text: &str) -> Result<Option<StallLimits<AXES>>, String> {
+        let mut settings = Settings::new();
+        settings.read_text("f.ini", text, &NoSource);
+        let parameters = Parameters::new("arm", settings, Origin::line("f.ini", 1));
+        let configuration = ArmConfiguration::from_parameters(&parameters, None);
+        configuration
+            .map(|configuration| configuration.model.stall)
+            .map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn signs_of_a_stall_are_parameters() {
+        let usual = of("").unwrap().expect("by default");
+        assert_eq!(Some(usual), WamModel::<AXES>::new().stall);
+        let text = "stallTorques (1 2 3 4 5 6 7)\nstallError 20\nstallTime 0.5\n";
+        let asked = of(text).unwrap().expect("it is on");
+        assert_eq!(asked.torques, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
+        assert_eq!(
+            (asked.error, asked.time),
+            (20.0, Duration::from_millis(500))
+        );
+        assert_eq!(of("noStallDetection\n"), Ok(None));
+        for (text, expected) in [
+            ("stallTorques (1 2)", "seven torques of the position loops"),
+            ("stallTorques (0 1 1 1 1 1 1)", "above 0"),
+            ("stallError 0", "0.1 to 360 degrees"),
+            ("stallError 361", "0.1 to 360 degrees"),
+            ("stallTime 11", "at most 10 seconds"),
+        ] {
+            let refused = of(text).expect_err(text);
+            assert!(refused.contains(expected), "{text}: {refused}");
+        }
+    }
 }

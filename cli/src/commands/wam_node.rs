@@ -2,14 +2,23 @@
 
 use std::io::Write;
 use std::process::ExitCode;
+use std::sync::Arc;
 use std::time::Duration;
 
+use yarp_devices::Device;
 use yarp_devices::embedded::{LinkMode, NodeOptions, WamNode};
+use yarp_ports::PortError;
+use yarp_wire::PortName;
+use yarp_wrappers::{StopServer, software_stop};
 
 use crate::arm_selection::{Arm, ArmArgs, LinkModeArgs};
 use crate::error::{Failure, Result};
+use crate::listen_addresses::{self, BindArgs};
 use crate::signals::Interrupt;
-use crate::systemd_notify;
+use crate::{network_access, systemd_notify};
+
+/// Prefix of the port of the software stop if none is given.
+const DEFAULT_NAME: &str = "/wam-node";
 
 /// Interval between two checks of the connection to the driver.
 const STATUS_POLL_INTERVAL: Duration = Duration::from_millis(100);
@@ -17,7 +26,7 @@ const STATUS_POLL_INTERVAL: Duration = Duration::from_millis(100);
 /// serve an arm to its driver, on the arm's own PC
 ///
 /// Runs on the PC in the arm and speaks the protocol of the thesis with the driver, which `yarp up --arm embedded` serves
-/// to the network. Needs no name server.
+/// to the network. Needs no name server; where one answers, PREFIX/stop/rpc:i stops the arm beside the driver.
 ///
 /// The arm is idle until the driver switches gravity compensation on. When the driver disconnects,
 /// the arm stops and holds; Ctrl-C ends the server and releases the arm.
@@ -33,6 +42,11 @@ pub(crate) struct Args {
     /// tool leaves the line, and joints may turn far
     #[arg(long)]
     allow_posture_changes: bool,
+    /// Prefix of the name of the port of the software stop, PREFIX/stop/rpc:i; /wam-node if a name server answers
+    #[arg(long, value_name = "PREFIX")]
+    name: Option<String>,
+    #[command(flatten)]
+    bind: BindArgs,
     #[command(flatten)]
     configuration: ArmArgs,
 }
@@ -54,7 +68,9 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     if args.allow_posture_changes {
         tracing::warn!("moves to poses may change the posture of the arm");
     }
-    let node = WamNode::start(args.arm.clone().start(link_mode, &configuration)?, options)?;
+    let arm = args.arm.clone().start(link_mode, &configuration)?;
+    let stop = serve_stop(&args, arm.clone()).await?;
+    let node = WamNode::start(arm, options)?;
     let places = node.addresses();
     let verb = match link_mode {
         LinkMode::Listen(_) => "waits for the driver at",
@@ -65,11 +81,47 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         "{} WAM arm {verb} {} and {}. Ctrl-C ends it.",
         args.arm, places.arm, places.packets
     )?;
+    if stop.is_some() {
+        let port = software_stop::port_of(args.prefix());
+        writeln!(out, "{port} stops the arm.")?;
+    }
     out.flush()?;
     systemd_notify::notify_ready();
     let told = print_events(&node, &mut interrupt, out).await;
     drop(node);
+    if let Some(stop) = stop {
+        stop.close().await;
+    }
     told.map(|()| ExitCode::SUCCESS)
+}
+
+impl Args {
+    fn prefix(&self) -> &str {
+        self.name.as_deref().unwrap_or(DEFAULT_NAME)
+    }
+}
+
+/// Serves the software stop of the arm; `None`, with a warning, if that is impossible and no name was given: the arm does
+/// not depend on the network.
+async fn serve_stop(args: &Args, arm: Arc<dyn Device>) -> Result<Option<StopServer>> {
+    let prefix = args.prefix();
+    prefix.parse::<PortName>().map_err(PortError::from)?;
+    let network = args.bind.apply(network_access::unreported_network()?);
+    if args.name.is_none() && !network_access::serves(&network, network.namespace()).await {
+        tracing::warn!("no name server answers: the software stop has no port");
+        return Ok(None);
+    }
+    match StopServer::open(&network, arm, prefix).await {
+        Ok(stop) => {
+            listen_addresses::warn_if_open(&network, prefix);
+            Ok(Some(stop))
+        }
+        Err(error) if args.name.is_none() => {
+            tracing::warn!("the software stop has no port: {error}");
+            Ok(None)
+        }
+        Err(error) => Err(error.into()),
+    }
 }
 
 /// Prints connections and disconnections of the driver, until a signal.

@@ -6,7 +6,7 @@
 //! | `fan_out` | queries and commands to the devices, and the errors when one of them refuses |
 //! | `range_checks` | predicts refusals of devices |
 //! | `motion_interfaces`, `motor_interfaces` | the interfaces |
-//! | `remapped_variables` | variables of several devices |
+//! | `remapped_stop`, `remapped_variables` | software stop and variables of several devices |
 //!
 //! A call goes to each device once, with the joints that are its own. Before a command reaches any device, the
 //! selection is checked whole, and each device has to have the interface. Devices check the values themselves; those
@@ -27,6 +27,7 @@ mod fan_out;
 mod motion_interfaces;
 mod motor_interfaces;
 mod range_checks;
+mod remapped_stop;
 mod remapped_variables;
 
 use std::sync::Arc;
@@ -174,6 +175,10 @@ macro_rules! interfaces {
     ($($method:ident: $interface:ident, $wire:tt, $words:tt $description:tt)*) => {
         impl Device for Remapper {
             $( interface! { $method $interface $wire } )*
+
+            fn software_stop(&self) -> Option<&dyn crate::SoftwareStop> {
+                self.can_stop().then_some(self as _)
+            }
         }
 
         impl Interface {$(

@@ -218,12 +218,16 @@ impl<A: ControlledArm> MotorEncoders for ArmDevice<A> {
 }
 
 impl<A: ControlledArm> JointFault for ArmDevice<A> {
-    /// Code 1 is a fault of the safety module or of the way to the arm, which concerns all joints.
+    /// Code 1 is a fault of the safety module, of a puck or of the way to the arm, which concerns all joints; code 2 a stall
+    /// of this joint since its last command.
     fn last_fault(&self, axis: AxisIndex) -> Result<Fault, DeviceError> {
         Axes::One(axis).check(AXES)?;
         Ok(match self.with(|arm| arm.fault()) {
             Some(message) => Fault { code: 1, message },
-            None => no_fault(),
+            None => match self.control(|arm| arm.stall(axis)) {
+                Some(message) => Fault { code: 2, message },
+                None => no_fault(),
+            },
         })
     }
 }

@@ -29,4 +29,4 @@ pub use dynamic_arm::DynamicArm;
 pub use dynamic_wam::DynamicWam;
 pub use simulated_wam::SimulatedWam;
 pub use transmission::{MAGNETIC_COUNTS, OPTICAL_COUNTS, Transmission};
-pub use wam_model::{Friction, Motor, WamModel};
+pub use wam_model::{Friction, Motor, StallLimits, WamModel};

@@ -12,6 +12,7 @@ use crate::kinematics::{Chain, DhRow, Joints, Pose};
 use crate::simulation::Gains;
 
 use std::f64::consts::FRAC_PI_2;
+use std::time::Duration;
 
 /// Parameters of a WAM arm with `N` joints: 4 or 7, in metres, kilograms, **radians** and newton metres.
 ///
@@ -50,6 +51,19 @@ pub struct WamModel<const N: usize> {
     pub friction: [Friction; N],
     /// Of the position loop of each joint.
     pub gains: [Gains; N],
+    /// Signs of a joint that has stalled or collided; `None`: none is looked for.
+    pub stall: Option<StallLimits<N>>,
+}
+
+/// Signs of a joint that has stalled or collided: it does not get on although its position loop pushes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StallLimits<const N: usize> {
+    /// Torques of the position loops, without gravity, Nm: a joint whose loop is limited to less counts at its limit.
+    pub torques: [f64; N],
+    /// Distance from the set point, deg.
+    pub error: f64,
+    /// Time for which a joint shows one of these without getting on.
+    pub time: Duration,
 }
 
 /// Friction of a joint, its cables and its motor together.
@@ -94,6 +108,13 @@ const LIMITS: [Limits; 7] = [
     Limits::new(-1.6, 1.6),
     Limits::new(-3.0, 3.0),
 ];
+
+/// Of owd (`WAM.cc`, `safety_torques_exceeded`).
+const STALL_TORQUES: [f64; 7] = [15.0, 30.0, 10.0, 15.0, 3.0, 3.0, 3.0];
+/// Tracking error of a stall, deg. Assumed: in a free move the loops stay below one degree.
+const STALL_ERROR: f64 = 10.0;
+/// Time of a stall. Assumed.
+const STALL_TIME: Duration = Duration::from_millis(200);
 
 /// LB `zerocal.conf`.
 const HOME: [f64; 7] = [0.0, -2.0, 0.0, 3.13, 0.0, 0.0, 0.0];
@@ -350,6 +371,11 @@ impl<const N: usize> WamModel<N> {
             motors: std::array::from_fn(|joint| MOTORS[joint]),
             friction: std::array::from_fn(|joint| FRICTION[joint]),
             gains,
+            stall: Some(StallLimits {
+                torques: std::array::from_fn(|joint| STALL_TORQUES[joint]),
+                error: STALL_ERROR,
+                time: STALL_TIME,
+            }),
         }
     }
 }

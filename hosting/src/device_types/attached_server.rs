@@ -9,7 +9,7 @@ use yarp_wire::settings::{Origin, ParameterError, Parameters};
 use yarp_wrappers::{
     AnalogSensorOptions, AnalogSensorServer, AnalogSensorsOptions, AnalogSensorsServer,
     BatteryServer, BatteryServerOptions, CartesianServer, CartesianServerOptions,
-    ControlBoardOptions, ControlBoardServer, FrameGrabberOptions, FrameGrabberServer, OpenError,
+    FrameGrabberOptions, FrameGrabberServer, OpenError,
 };
 
 use super::Opening;
@@ -58,7 +58,6 @@ servers! {
     AnalogSensorsServer: AnalogSensorsOptions
     BatteryServer: BatteryServerOptions
     CartesianServer: CartesianServerOptions
-    ControlBoardServer: ControlBoardOptions
     FrameGrabberServer: FrameGrabberOptions
 }
 

@@ -4,10 +4,11 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use yarp_devices::Device;
+use yarp_ports::Network;
 use yarp_wire::PortName;
-use yarp_wrappers::{ControlBoardOptions, ControlBoardServer};
+use yarp_wrappers::{ControlBoardOptions, ControlBoardServer, OpenError, StopServer};
 
-use super::attached_server::{AttachedServer, Choice, check_period, single};
+use super::attached_server::{AttachedServer, Choice, Server, check_period, single};
 use super::board_remapper::Mapping;
 use super::{OpenResult, Opening};
 use crate::{Attached, Future, HostError};
@@ -41,13 +42,53 @@ fn with_period(
     if let Some(period) = period {
         options = options.period(check_period(parameters, period, expected)?);
     }
-    let server = AttachedServer::<ControlBoardServer, _>::boxed;
+    let server = AttachedServer::<StoppableBoard, _>::boxed;
     Ok(server(
         opening,
         name.to_string(),
         options,
         Boards { networks },
     ))
+}
+
+/// The server of a control board, with the software stop of the device beside it if the device has one.
+struct StoppableBoard {
+    board: ControlBoardServer,
+    stop: Option<StopServer>,
+}
+
+impl Server for StoppableBoard {
+    type Options = ControlBoardOptions;
+
+    async fn open(
+        network: &Network,
+        device: Arc<dyn Device>,
+        name: &str,
+        options: ControlBoardOptions,
+    ) -> Result<Self, OpenError> {
+        let board = ControlBoardServer::open(network, device.clone(), name, options).await?;
+        if device.software_stop().is_none() {
+            return Ok(Self { board, stop: None });
+        }
+        match StopServer::open(network, device, name).await {
+            Ok(stop) => Ok(Self {
+                board,
+                stop: Some(stop),
+            }),
+            Err(error) => {
+                board.close().await;
+                Err(error)
+            }
+        }
+    }
+
+    /// Closes the ports; the stop is there until commands are refused.
+    async fn close(self) {
+        self.board.close().await;
+        if let Some(stop) = self.stop {
+            stop.close().await;
+        }
+    }
 }
 
 /// The board that a server serves: that of a single device, or of several.

@@ -6,11 +6,12 @@
 use std::sync::Arc;
 
 use yarp_devices::fake::AxisParameters;
+use yarp_devices::guard::{Guarded, GuardedOptions};
 use yarp_devices::wam::SimulatedWam;
 use yarp_devices::{JointType, Limits};
 use yarp_wire::settings::{Expected, Parameters};
 
-use super::local_device::LocalDevice;
+use super::local_device::{self, LocalDevice};
 use super::{OpenResult, Opening};
 use crate::HostError;
 
@@ -38,8 +39,13 @@ const IGNORED_PARAMETERS: [&str; 5] = [
 pub(super) async fn open(opening: Opening<'_>) -> OpenResult {
     let parameters = opening.parameters;
     let axes = axes(parameters)?;
-    let joints = SimulatedWam::with_axes(axes);
-    Ok(Box::new(LocalDevice::machine(Arc::new(joints))))
+    let joints = Arc::new(SimulatedWam::with_axes(axes));
+    // Without limits and watchdogs it offers the software stop.
+    let joints = local_device::start(parameters, || {
+        Guarded::around(joints, GuardedOptions::default())
+    })
+    .await?;
+    Ok(Box::new(LocalDevice::machine(joints)))
 }
 
 fn axes(parameters: &Parameters) -> Result<Vec<AxisParameters>, HostError> {

@@ -14,6 +14,8 @@ impl PuckProperty {
     pub const VERS: Self = Self(0);
     /// Role of the puck, see [`role`].
     pub const ROLE: Self = Self(1);
+    /// Error of the puck; what its values mean is not published. 0 is none.
+    pub const ERROR: Self = Self(4);
     /// State of the puck, see [`status`].
     pub const STAT: Self = Self(5);
     /// Mode of the puck, see [`mode`].

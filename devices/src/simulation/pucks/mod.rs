@@ -260,6 +260,20 @@ impl SimulatedPucks {
         self.silent[usize::from(node.number())] = silent;
     }
 
+    /// Gives a motor's puck a temperature of its own, °C, in place of that of the thermal model, or ends that.
+    pub fn set_temperature(&mut self, motor: usize, temperature: Option<i32>) {
+        if let Some(puck) = self.motors.get_mut(motor) {
+            puck.force_temperature(temperature);
+        }
+    }
+
+    /// Puts a motor's puck into its error state, in which its motor does not follow, with a value of `ERROR`; or ends that.
+    pub fn set_error(&mut self, motor: usize, error: Option<i32>) {
+        if let Some(puck) = self.motors.get_mut(motor) {
+            puck.set_error(error);
+        }
+    }
+
     /// Switches a motor's puck off and on again: it monitors, and knows its angle only inside one turn.
     pub fn restart_motor(&mut self, motor: usize) {
         let counts = self.simulator.counts();

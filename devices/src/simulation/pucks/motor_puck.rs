@@ -1,7 +1,7 @@
 //! The puck of one motor.
 
 use super::puck_start::{PuckStart, WakeUp};
-use crate::can::puck::{Group, Node, PuckMessage, PuckProperty, Target, mode, role};
+use crate::can::puck::{Group, Node, PuckMessage, PuckProperty, Target, mode, role, status};
 use crate::simulation::{MAX_TEMPERATURE, REST_TEMPERATURE, SUPPLY_VOLTAGE};
 use crate::wam::Motor;
 
@@ -23,6 +23,10 @@ pub(super) struct MotorPuck {
     torque_group: Group,
     /// °C.
     temperature: i32,
+    /// Temperature that a test gives it, °C, in place of that of its motor.
+    forced_temperature: Option<i32>,
+    /// Value of `ERROR` while the puck is in its error state.
+    error: Option<i32>,
     /// Properties that stay as they were set.
     values: [Option<i32>; 128],
 }
@@ -69,6 +73,8 @@ impl MotorPuck {
             slot: motor % SLOTS,
             torque_group,
             temperature: REST_TEMPERATURE as i32,
+            forced_temperature: None,
+            error: None,
             values,
         }
     }
@@ -119,11 +125,13 @@ impl MotorPuck {
 
     fn value(&self, property: PuckProperty) -> Option<i32> {
         match property {
+            PuckProperty::STAT if self.error.is_some() && self.is_awake() => Some(status::ERROR),
             PuckProperty::STAT => self.start.status(),
             PuckProperty::VERS => self.start.status().and(self.stored(property)),
             _ if !self.is_awake() => None,
             PuckProperty::MODE => Some(self.mode),
-            PuckProperty::TEMP => Some(self.temperature),
+            PuckProperty::TEMP => Some(self.forced_temperature.unwrap_or(self.temperature)),
+            PuckProperty::ERROR => Some(self.error.unwrap_or_default()),
             PuckProperty::T => Some(i32::from(self.torque)),
             _ => self.stored(property),
         }
@@ -153,6 +161,16 @@ impl MotorPuck {
         self.temperature = temperature as i32;
     }
 
+    /// Gives it a temperature of its own, °C, or that of its motor.
+    pub(super) fn force_temperature(&mut self, temperature: Option<i32>) {
+        self.forced_temperature = temperature;
+    }
+
+    /// Puts it into its error state, with a value of `ERROR`, or ends that.
+    pub(super) fn set_error(&mut self, error: Option<i32>) {
+        self.error = error;
+    }
+
     /// Sets the action of the motor. A motor that is switched off forgets its torque.
     pub(super) fn switch(&mut self, mode: i32) {
         self.mode = mode;
@@ -174,7 +192,7 @@ impl MotorPuck {
 
     /// Returns whether it follows torques.
     pub(super) fn follows(&self) -> bool {
-        self.is_awake() && self.mode == mode::TORQUE_OR_ACTIVE
+        self.is_awake() && self.error.is_none() && self.mode == mode::TORQUE_OR_ACTIVE
     }
 
     /// Returns the torque of the motor, in its units.

@@ -79,7 +79,7 @@ impl ArmControl {
         interactions: &[Interaction],
     ) -> Result<(), DeviceError> {
         axes.check_command(AXES, "interaction modes", interactions.len())?;
-        self.reachable()?;
+        self.accepts()?;
         for (joint, interaction) in axes.iter(AXES).zip(interactions) {
             if let Interaction::Unknown(_) = interaction {
                 return Err(DeviceError::NotSupported {

@@ -2,11 +2,13 @@
 
 mod compliance;
 mod motor_currents;
+mod stall;
 
 use std::time::Duration;
 
 use self::compliance::Compliance;
 pub(crate) use self::motor_currents::UNITS_PER_AMPERE;
+use self::stall::StallDetection;
 use super::wam_units::{degrees, gains_per_degree, gains_per_radian};
 use super::{AXES, WamModel, parameters};
 use crate::dynamics::Body;
@@ -55,6 +57,9 @@ pub struct ArmControl {
     load: Body,
     ready: bool,
     error: Option<ArmError>,
+    /// Commands are refused with it, and every joint holds.
+    refusal: Option<ArmError>,
+    stall: StallDetection,
 }
 
 /// The error of an unreachable machine, for callers that command it.
@@ -112,6 +117,8 @@ impl ArmControl {
             load: Body::default(),
             ready: true,
             error: None,
+            refusal: None,
+            stall: StallDetection::default(),
         };
         control.forget_motion(counts);
         control
@@ -141,6 +148,7 @@ impl ArmControl {
             }
         });
         self.driven = self.controller.step(&self.counts, &orders);
+        self.detect_stalls(&orders);
         self.driven
     }
 
@@ -194,6 +202,42 @@ impl ArmControl {
     /// Says why the machine cannot be reached, or that it can: commands and readings are refused with it.
     pub fn set_error(&mut self, error: Option<ArmError>) {
         self.error = error;
+    }
+
+    /// Refuses commands that move joints, and has each joint come to rest and hold, while there is a reason; idle joints stay
+    /// idle. Readings go on.
+    pub fn set_refusal(&mut self, refusal: Option<ArmError>) {
+        let begins = self.refusal.is_none() && refusal.is_some();
+        self.refusal = refusal;
+        if begins {
+            for joint in 0..AXES {
+                self.come_to_rest(joint.into());
+            }
+        }
+    }
+
+    /// Has a joint ramp down and hold in position mode; an idle one stays idle.
+    fn come_to_rest(&mut self, axis: AxisIndex) {
+        match self.mode(axis) {
+            Mode::Idle | Mode::HardwareFault => {}
+            mode => {
+                if matches!(mode, Mode::Position | Mode::Velocity) {
+                    let stopped = self.set_points.stop(axis.into());
+                    debug_assert!(stopped.is_ok(), "the axis was checked");
+                }
+                if mode == Mode::PositionDirect {
+                    let place = self.measured[axis.index()].position;
+                    self.streams[axis.index()] = Stream::Position(place);
+                }
+                self.change_mode(axis, Mode::Position);
+            }
+        }
+    }
+
+    /// Returns whether commands that move joints are accepted.
+    fn accepts(&self) -> Result<(), DeviceError> {
+        self.reachable()?;
+        self.refusal.as_ref().map_or(Ok(()), |why| Err(why.into()))
     }
 
     /// Returns the model of the arm.
@@ -256,13 +300,17 @@ impl ArmControl {
     /// Same as [`PositionControl::position_move`](crate::PositionControl::position_move).
     pub fn position_move(&mut self, axes: Axes<'_>, targets: &[f64]) -> Result<(), DeviceError> {
         self.check_mode(axes, "position move", Mode::Position)?;
-        self.set_points.position_move(axes, targets)
+        self.set_points.position_move(axes, targets)?;
+        self.forget_stalls(axes);
+        Ok(())
     }
 
     /// Same as [`PositionControl::relative_move`](crate::PositionControl::relative_move), from the present set point.
     pub fn relative_move(&mut self, axes: Axes<'_>, distances: &[f64]) -> Result<(), DeviceError> {
         self.check_mode(axes, "position move", Mode::Position)?;
-        self.set_points.relative_move(axes, distances)
+        self.set_points.relative_move(axes, distances)?;
+        self.forget_stalls(axes);
+        Ok(())
     }
 
     /// Same as [`VelocityControl::velocity_move`](crate::VelocityControl::velocity_move).
@@ -481,6 +529,9 @@ impl ArmControl {
                 return Err(DeviceError::NoSuchMode { joint, mode });
             }
             self.check_ready(joint, "a change of mode")?;
+            if mode != Mode::Idle && mode != self.mode(joint) {
+                self.accepts()?;
+            }
         }
         for (axis, &mode) in axes.iter(AXES).zip(modes) {
             self.change_mode(axis, mode);
@@ -515,6 +566,7 @@ impl ArmControl {
         if before == mode {
             return;
         }
+        self.forget_stalls(axis.into());
         let joint = axis.index();
         let here = match before {
             // The joint continues from its set point: no jump.
@@ -571,7 +623,7 @@ impl ArmControl {
         needed: Mode,
     ) -> Result<(), DeviceError> {
         axes.check(AXES)?;
-        self.reachable()?;
+        self.accepts()?;
         match axes.iter(AXES).find(|axis| self.mode(*axis) != needed) {
             Some(joint) => Err(DeviceError::WrongMode {
                 joint,

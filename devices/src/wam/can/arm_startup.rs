@@ -7,6 +7,7 @@ use tracing::{debug, info, warn};
 use super::can_error::AtStep;
 use super::control_cycle::ControlCycle;
 use super::puck_bus::PuckBus;
+use super::puck_health::PuckHealth;
 use super::zero_calibration::marks_at_home;
 use super::{CanError, CanErrorKind, CanOptions, CanStep, OpenBus, PositionRecord};
 use crate::can::puck::{Group, Node, PuckProperty, mode, role, status};
@@ -53,6 +54,8 @@ pub(super) struct PuckUnits {
     pub(super) slot: usize,
     /// Group in which its position is queried.
     pub(super) group: Group,
+    /// Maximum temperature of the puck, °C.
+    pub(super) temperature_limit: i32,
 }
 
 /// The source of the arm's position.
@@ -141,6 +144,11 @@ fn find(bus: &mut PuckBus, time: Duration) -> Result<Vec<Node>, CanError> {
                 state => state.at_step(CanStep::Find)?,
             },
         };
+        if state == status::ERROR {
+            let code = ask_once(bus, node, PuckProperty::ERROR).at_step(CanStep::Find)?;
+            let code = code.unwrap_or_default();
+            return Err(CanErrorKind::PuckError { node, code }).at_step(CanStep::Find);
+        }
         if state != status::READY {
             asleep.push(node);
         }
@@ -232,6 +240,7 @@ fn read_units(bus: &mut PuckBus, model: &WamModel<AXES>) -> Result<Vec<PuckUnits
                 }
             },
             group: group(bus, node, PuckProperty::GRPC)?,
+            temperature_limit: PuckHealth::limit(ask_once(bus, node, PuckProperty::OTEMP)?),
         };
         let same_slot = |other: &PuckUnits| {
             (other.torque_group, other.slot) == (found.torque_group, found.slot)
@@ -243,6 +252,18 @@ fn read_units(bus: &mut PuckBus, model: &WamModel<AXES>) -> Result<Vec<PuckUnits
         units.push(found);
     }
     Ok(units)
+}
+
+/// Reads a property that a puck need not have; `None` without an answer.
+fn ask_once(
+    bus: &mut PuckBus,
+    node: Node,
+    property: PuckProperty,
+) -> Result<Option<i32>, CanErrorKind> {
+    match bus.get_property(node, property) {
+        Err(CanErrorKind::Silent { .. }) => Ok(None),
+        told => told.map(Some),
+    }
 }
 
 fn positive(bus: &mut PuckBus, node: Node, property: PuckProperty) -> Result<f64, CanErrorKind> {

@@ -31,6 +31,8 @@ pub enum CanStep {
     Torques,
     /// Asking the safety module in a control period.
     SafetyPoll,
+    /// Watching temperatures and states of pucks in a control period.
+    PuckHealth,
     /// Asking a puck what a caller wants to know.
     PropertyRequest,
 }
@@ -49,6 +51,7 @@ impl fmt::Display for CanStep {
             Self::Positions => "reading positions",
             Self::Torques => "sending torques",
             Self::SafetyPoll => "watching the safety module",
+            Self::PuckHealth => "watching the pucks",
             Self::PropertyRequest => "asking a puck for a caller",
         })
     }
@@ -78,6 +81,14 @@ pub enum CanErrorKind {
         expected: String,
         /// The value received.
         got: i32,
+    },
+    /// A puck says that something is wrong with it.
+    #[error("{node} is in its error state (STAT 1), with {code} as ERROR")]
+    PuckError {
+        /// The node.
+        node: Node,
+        /// Value of its property `ERROR`, 0 if it did not tell; the meaning is not published.
+        code: i32,
     },
     /// A puck was switched off meanwhile and does not know its position.
     #[error("{node} has restarted and lost its position")]
@@ -163,6 +174,9 @@ impl CanErrorKind {
             }
             Self::Unexpected { node, .. } => {
                 format!("the firmware and configuration of {node}, and the model of the arm")
+            }
+            Self::PuckError { node, .. } => {
+                format!("to switch the arm off and on, and the cables of {node}")
             }
             Self::Implausible { .. } => {
                 "to fold the arm into its home pose by hand and to start the driver again"

@@ -20,7 +20,7 @@ use crate::can::{BusError, CanBus};
 use crate::periodic_timer::{MissedCycles, PeriodicTimer};
 use crate::simulation::SafetyMode;
 use crate::wam::arm_device::{ArmDevice, ControlledArm, Shared};
-use crate::wam::{AXES, ArmControl, WamModel};
+use crate::wam::{AXES, ArmControl, ArmError, WamModel};
 use crate::{AxisIndex, DeviceError, VariableValue};
 
 /// Longer than a start takes with pucks that wake late.
@@ -111,6 +111,8 @@ pub struct CanStatus {
     pub missed_replies: u64,
     /// Last temperatures of the pucks, °C: queried one after the other, some times a second.
     pub temperatures: [Option<i32>; AXES],
+    /// The reason why every joint holds and commands are refused although the arm is active: a puck is too hot.
+    pub held: Option<String>,
 }
 
 /// In words, for people.
@@ -124,7 +126,10 @@ impl fmt::Display for CanStatus {
                     _ => Ok(()),
                 }
             }
-            (_, Some(SafetyMode::Active)) => write!(f, "active"),
+            (_, Some(SafetyMode::Active)) => match &self.held {
+                Some(reason) => write!(f, "active, but it holds: {reason}"),
+                None => write!(f, "active"),
+            },
             (_, mode) => {
                 let mode = match mode {
                     Some(SafetyMode::EmergencyStop) => "stopped by the emergency stop",
@@ -133,6 +138,9 @@ impl fmt::Display for CanStatus {
                 write!(f, "the safety module keeps the arm {mode}")?;
                 if let Some(pendant) = self.pendant {
                     write!(f, " ({pendant})")?;
+                }
+                if let Some(reason) = &self.held {
+                    write!(f, "; {reason}")?;
                 }
                 write!(
                     f,
@@ -155,7 +163,7 @@ impl ControlledArm for CanArm {
     }
 
     fn fault(&self) -> Option<String> {
-        let fine = self.status.connected && self.control.is_ready();
+        let fine = self.status.connected && self.control.is_ready() && self.status.held.is_none();
         (!fine).then(|| self.status.to_string())
     }
 
@@ -210,6 +218,7 @@ impl CanArm {
         let motors = link.motors(self.control.model());
         self.control.set_motors(motors);
         self.control.set_error(None);
+        self.control.set_refusal(None);
         self.brake_requested = false;
         self.control.set_ready(false);
         self.control.forget_motion(counts);
@@ -277,6 +286,23 @@ impl CanArm {
         Ok(())
     }
 
+    /// Stops the joints and refuses commands while a puck is too hot, and has the arm braked when it is much too hot.
+    fn follow_health(&mut self, link: &ControlCycle) {
+        let health = link.health();
+        if health.is_too_hot() != self.status.held.is_some() {
+            self.status.held = health.too_hot();
+            self.control.set_refusal(
+                self.status.held.as_ref().map(|reason| ArmError {
+                    peer: PEER.to_owned(),
+                    step: format!("a command ({reason})"),
+                    advice: "again when the puck has cooled; Shift and Idle lets the motors rest"
+                        .to_owned(),
+                }),
+            );
+        }
+        self.brake_requested |= health.brakes() && self.control.is_ready();
+    }
+
     /// From counts to torques, Nm.
     fn period(
         &mut self,
@@ -294,6 +320,7 @@ impl CanArm {
             warn!(mode = ?link.safety(), "the safety module stopped the arm");
         }
         self.control.set_ready(active);
+        self.follow_health(link);
         self.status.safety = link.safety();
         self.status.pendant = link.pendant();
         self.status.missed_replies = link.missed_replies();

@@ -8,6 +8,7 @@ use super::arm_startup::{PuckUnits, compare};
 use super::can_error::AtStep;
 use super::property_request::PropertyRequest;
 use super::puck_bus::{MAX_FRAMES_PER_REPLY, PuckBus};
+use super::puck_health::PuckHealth;
 use super::{CanError, CanErrorKind, CanOptions, CanStep, PositionRecord};
 use crate::can::BusError;
 use crate::can::puck::{Group, Node, Pendant, PuckMessage, PuckProperty, mode};
@@ -18,8 +19,10 @@ use crate::wam::{AXES, Motor, WamModel};
 /// Number of periods between queries for the mode of the safety module, and maximum number of unanswered queries.
 const SAFETY_POLL_PERIODS: u64 = 10;
 const MAX_UNANSWERED_POLLS: u32 = 10;
-/// Number of periods between queries for the temperature of one of the pucks.
-const TEMPERATURE_POLL_PERIODS: u64 = 50;
+/// Number of periods between queries for the health of one of the pucks, and while a value waits for its confirmation:
+/// each of three properties of seven pucks twice a second.
+const HEALTH_POLL_PERIODS: u64 = 10;
+const CONFIRMATION_POLL_PERIODS: u64 = 5;
 /// Maximum plausible change of a rotor's position in a period: a turn divided by this (btclient).
 const MAX_TURN_DIVISOR: f64 = 4.0;
 /// Maximum time between two control periods, less than a puck takes to restart (0.5 s): after more, positions are compared
@@ -54,7 +57,9 @@ pub(super) struct ControlCycle {
     missed_replies: u64,
     /// The query of a caller, and its deadline.
     property_request: Option<(PropertyRequest, Instant)>,
-    temperatures: [Option<i32>; AXES],
+    health: PuckHealth,
+    /// The error of a puck that was found while frames were read.
+    unhealthy: Option<CanErrorKind>,
 }
 
 impl ControlCycle {
@@ -66,12 +71,20 @@ impl ControlCycle {
         position: &PositionRecord,
     ) -> Self {
         let counts = position.counts;
+        let limit = |motor: usize| {
+            units
+                .get(motor)
+                .map(|unit: &PuckUnits| unit.temperature_limit)
+        };
+        let limits = std::array::from_fn(|motor| PuckHealth::limit(limit(motor)));
         Self {
             bus,
             model: model.clone(),
             origins: position.origins,
             groups: distinct(units.iter().map(|unit| unit.group)),
             torque_groups: distinct(units.iter().map(|unit| unit.torque_group)),
+            health: PuckHealth::new(limits),
+            unhealthy: None,
             units,
             options: options.clone(),
             counts_per_turn: f64::from(model.transmission.counts_per_turn()),
@@ -85,7 +98,6 @@ impl ControlCycle {
             pendant: None,
             missed_replies: 0,
             property_request: None,
-            temperatures: [None; AXES],
         }
     }
 
@@ -114,7 +126,12 @@ impl ControlCycle {
 
     /// Returns the temperatures of the pucks, °C; `None` before the first reply.
     pub(super) fn temperatures(&self) -> [Option<i32>; AXES] {
-        self.temperatures
+        self.health.temperatures()
+    }
+
+    /// Returns the health of the pucks.
+    pub(super) fn health(&self) -> &PuckHealth {
+        &self.health
     }
 
     /// Returns the motors as the pucks describe them, in place of the model's.
@@ -180,6 +197,9 @@ impl ControlCycle {
             }
         }
         self.cycles += 1;
+        if let Some(error) = self.unhealthy.take() {
+            return Err(error).at_step(CanStep::PuckHealth);
+        }
         for (motor, come) in come.into_iter().enumerate() {
             self.missed[motor] = if come { 0 } else { self.missed[motor] + 1 };
             self.missed_replies += u64::from(!come);
@@ -212,12 +232,15 @@ impl ControlCycle {
     }
 
     /// Queries the mode of the safety module, and the state of the pendant when the arm is not active; now and then
-    /// the temperature of a puck.
+    /// the health of a puck.
     fn watch(&mut self) -> Result<(), CanErrorKind> {
-        if self.cycles % TEMPERATURE_POLL_PERIODS == TEMPERATURE_POLL_PERIODS / 2 {
-            let motor = (self.cycles / TEMPERATURE_POLL_PERIODS) as usize % AXES;
-            let question = PuckMessage::Get(PuckProperty::TEMP);
-            self.bus.send(Node::of_motor(motor), question)?;
+        let interval = match self.health.is_in_doubt() {
+            true => CONFIRMATION_POLL_PERIODS,
+            false => HEALTH_POLL_PERIODS,
+        };
+        if self.cycles % interval == interval / 2 {
+            let (node, property) = self.health.question();
+            self.bus.send(node, PuckMessage::Get(property))?;
         }
         if !self.cycles.is_multiple_of(SAFETY_POLL_PERIODS) {
             return Ok(());
@@ -248,9 +271,9 @@ impl ControlCycle {
             let _ = property_request.answer.try_send(value);
         }
         if let Some(motor) = from.motor(AXES)
-            && property == PuckProperty::TEMP
+            && let Err(error) = self.health.note(motor, property, value)
         {
-            self.temperatures[motor] = Some(value);
+            self.unhealthy = Some(error);
         }
         if from != Node::SAFETY {
             return;
@@ -361,6 +384,7 @@ mod tests {
             torque_group: Group::LOWER_TORQUES,
             slot: 0,
             group: Group::ARM,
+            temperature_limit: 60,
         };
         let puck = unit(4320.0);
         let commands = [0.001, -0.001, 0.0009].map(|torque| command(&puck, torque));

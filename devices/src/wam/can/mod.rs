@@ -23,6 +23,7 @@ mod control_cycle;
 mod position_file;
 mod property_request;
 mod puck_bus;
+mod puck_health;
 mod zero_calibration;
 
 pub use can_error::{CanError, CanErrorKind, CanStep};

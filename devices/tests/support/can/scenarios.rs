@@ -20,7 +20,7 @@ const ELBOW: Axes<'static> = Axes::One(AxisIndex::new(3));
 const FOLDED: f64 = 179.3;
 
 /// The name of each, and what it does.
-pub const ALL: [Scenario; 11] = [
+pub const ALL: [Scenario; 13] = [
     ("an_arm_is_found_and_moves", an_arm_is_found_and_moves),
     (
         "a_puck_that_falls_silent_is_named_in_every_phase",
@@ -58,6 +58,14 @@ pub const ALL: [Scenario; 11] = [
     (
         "the_software_brake_leaves_the_way_out_to_the_pendant",
         the_software_brake_leaves_the_way_out_to_the_pendant,
+    ),
+    (
+        "a_hot_puck_stops_the_arm_until_it_has_cooled",
+        a_hot_puck_stops_the_arm_until_it_has_cooled,
+    ),
+    (
+        "a_puck_in_its_error_state_has_the_arm_braked",
+        a_puck_in_its_error_state_has_the_arm_braked,
     ),
 ];
 
@@ -422,4 +430,81 @@ pub fn is_torque(frame: &yarp_devices::can::CanFrame) -> bool {
     [Group::LOWER_TORQUES, Group::UPPER_TORQUES]
         .iter()
         .any(|&group| frame.id() == Address::from_host(group).id())
+}
+
+/// The limit of a simulated puck is 60 degrees, as btclient and owd set it.
+pub fn a_hot_puck_stops_the_arm_until_it_has_cooled(rig: &dyn Rig) {
+    const HOT: usize = 2;
+    let arm = active(rig);
+    let heat = |degrees: i32| {
+        rig.pucks().lock().set_temperature(HOT, Some(degrees));
+        until("the temperature", || {
+            arm.status().temperatures[HOT] == Some(degrees)
+        });
+    };
+    let elbow_moves = |degrees: f64| arm.position_move(ELBOW, &[degrees]);
+    heat(59);
+    elbow_moves(100.0).expect("it is warm, no more");
+    until("motion", || elbow(rig) < FOLDED - 3.0);
+    heat(60);
+    until("rest", || rig.pucks().lock().simulator().speed() < 0.01);
+    assert!(elbow(rig) > 101.0, "it went on to {}", elbow(rig));
+    assert_eq!(modes(&arm), [Mode::Position; 7]);
+    for held in [60, 55, 51] {
+        heat(held);
+        let refused = elbow_moves(90.0).expect_err("it is too hot").to_string();
+        assert!(
+            refused.contains("puck 3") && refused.contains("60 °C"),
+            "{refused}"
+        );
+        assert!(refused.contains("cool to 50 °C"), "{refused}");
+        let torque = arm.set_control_modes(ELBOW, &[Mode::Torque]);
+        assert!(torque.is_err());
+        assert!(arm.status().to_string().contains("puck 3"));
+        let fault = arm.last_fault(0.into()).expect("joint 1");
+        assert!(
+            fault.code == 1 && fault.message.contains("puck 3"),
+            "{fault:?}"
+        );
+    }
+    // It is to be switched off all the same.
+    arm.set_control_modes(ELBOW, &[Mode::Idle]).expect("idle");
+    arm.set_control_modes(ELBOW, &[Mode::Position])
+        .expect_err("it would hold");
+    heat(50);
+    arm.set_control_modes(ELBOW, &[Mode::Position])
+        .expect("it has cooled");
+    elbow_moves(95.0).expect("it has cooled");
+    // At 70 degrees the arm is braked, and again if somebody activates it.
+    heat(70);
+    let mode = || rig.pucks().lock().simulator().safety().mode();
+    until("the brake", || mode() == SafetyMode::Idle);
+    rig.pucks().lock().press_activate();
+    until("the brake again", || mode() == SafetyMode::Idle);
+    assert!(arm.status().connected);
+}
+
+pub fn a_puck_in_its_error_state_has_the_arm_braked(rig: &dyn Rig) {
+    let arm = active(rig);
+    rig.pucks().lock().set_error(4, Some(9));
+    until("the loss", || !arm.status().connected);
+    until("the brake", || {
+        rig.pucks().lock().simulator().safety().mode() == SafetyMode::Idle
+    });
+    let refused = arm.position_move(ELBOW, &[100.0]).expect_err("it is lost");
+    let refused = refused.to_string();
+    assert!(
+        refused.contains("puck 5") && refused.contains("error state"),
+        "{refused}"
+    );
+    // The next attempt names it again, with the value of ERROR.
+    until("the value", || {
+        let error = arm.status().last_error;
+        error.is_some_and(|error| error.to_string().contains("with 9 as ERROR"))
+    });
+    assert!(arm.status().position_lost.is_none());
+    rig.pucks().lock().set_error(4, None);
+    until("the arm", || arm.status().connected);
+    activate(rig, &arm);
+    move_elbow(rig, &arm, 150.0);
 }
