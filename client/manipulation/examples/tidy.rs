@@ -53,6 +53,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let table = table.borrow();
         let scene = table.simulation.scene();
         let simulated = table.simulation.time().as_secs_f64();
+        if let Some(touch) = &table.first_touch {
+            println!("  touched: {touch}");
+        }
         let mut placed = 0;
         for (object, was) in scene.objects.iter().zip(&before) {
             let basket = match object.class() {

@@ -1,5 +1,9 @@
 //! Estimates of how full a container is, and the places in it where the next object lies lowest.
 
+use nalgebra::Point3;
+use yarp_devices::kinematics::Pose;
+use yarp_planning::{Obstacle, Shape};
+
 use crate::item::{Item, ItemShape};
 use crate::surroundings::Container;
 
@@ -8,7 +12,15 @@ const CELL: f64 = 0.01;
 /// Distance of an object from the walls while it falls, m.
 const WALL_CLEARANCE: f64 = 0.012;
 /// Number of places that are compared along x and along y.
-const PLACES: [usize; 2] = [5, 3];
+const PLACES: [usize; 2] = [7, 5];
+/// Levels closer to each other than this count as equally low, m.
+const LEVEL_STEP: f64 = 0.006;
+/// Number of cells along x and y of a block that is one obstacle.
+const BLOCK: usize = 2;
+/// Height above the bottom from which on a block is an obstacle, m: less is noise of the sensor.
+const MIN_PILE: f64 = 0.008;
+/// Height above the rim up to which a measured point belongs to what is in the container, m: the arm is higher.
+const MAX_PILE: f64 = 0.20;
 
 /// A place in a container for the middle of an object.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,7 +35,7 @@ pub struct Spot {
 
 /// A container with the estimated height of what was released into it.
 ///
-/// Nobody sees into the containers: an object counts as lying as it was held.
+/// Without a sensor that sees into the container an object counts as lying as it was held.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Filling {
     container: Container,
@@ -71,7 +83,9 @@ impl Filling {
                 });
             }
         }
-        spots.sort_by(|one, other| one.level.total_cmp(&other.level));
+        // Of those that are equally low the first: beside the walls and what is there already.
+        let rounded = |spot: &Spot| (spot.level / LEVEL_STEP).floor();
+        spots.sort_by(|one, other| rounded(one).total_cmp(&rounded(other)));
         spots
     }
 
@@ -83,8 +97,58 @@ impl Filling {
         }
     }
 
+    /// Takes over measured heights: the highest of the points in each cell; cells without a point keep theirs.
+    pub fn measure(&mut self, points: &[Point3<f64>]) {
+        let Container { bottom, size } = self.container;
+        let mut measured: Vec<Option<f64>> = vec![None; self.heights.len()];
+        for point in points {
+            let place = [0, 1].map(|axis| point[axis] - bottom[axis] + size[axis] / 2.0);
+            let inside = (0..2).all(|axis| (0.0..size[axis]).contains(&place[axis]));
+            let height = point.z - bottom[2];
+            if !inside || height > size[2] + MAX_PILE {
+                continue;
+            }
+            let [row, column] =
+                [0, 1].map(|axis| ((place[axis] / CELL) as usize).min(self.cells[axis] - 1));
+            let cell = &mut measured[row * self.cells[1] + column];
+            *cell = Some(cell.map_or(0.0, |before: f64| before).max(height));
+        }
+        for (height, measured) in self.heights.iter_mut().zip(measured) {
+            *height = measured.unwrap_or(*height);
+        }
+    }
+
+    /// Returns what lies in the container higher than `above` m over its bottom as obstacles.
+    pub fn obstacles(&self, above: f64) -> Vec<Obstacle> {
+        let Container { bottom, size } = self.container;
+        let mut obstacles = Vec::new();
+        for row in (0..self.cells[0]).step_by(BLOCK) {
+            for column in (0..self.cells[1]).step_by(BLOCK) {
+                let rows = row..(row + BLOCK).min(self.cells[0]);
+                let columns = column..(column + BLOCK).min(self.cells[1]);
+                let top = rows.clone().flat_map(|row| {
+                    let columns = columns.clone();
+                    columns.map(move |column| self.heights[row * self.cells[1] + column])
+                });
+                let top = top.fold(0.0, f64::max);
+                if top <= above.max(MIN_PILE) {
+                    continue;
+                }
+                let middle = |range: &std::ops::Range<usize>, axis: usize| {
+                    (range.start + range.end) as f64 / 2.0 * CELL - size[axis] / 2.0 + bottom[axis]
+                };
+                let shape =
+                    Shape::cuboid([rows.len() as f64 * CELL, columns.len() as f64 * CELL, top]);
+                let pose =
+                    Pose::translation(middle(&rows, 0), middle(&columns, 1), bottom[2] + top / 2.0);
+                obstacles.push(Obstacle::new("pile", shape, pose));
+            }
+        }
+        obstacles
+    }
+
     /// Returns the height of what lies below an object at this place, m.
-    fn level(&self, offset: [f64; 2], half: [f64; 2]) -> f64 {
+    pub(crate) fn level(&self, offset: [f64; 2], half: [f64; 2]) -> f64 {
         let heights = self.covered(offset, half);
         heights.map(|index| self.heights[index]).fold(0.0, f64::max)
     }
@@ -145,6 +209,55 @@ mod tests {
         let filling = Filling::new(container());
         assert!(filling.spots([0.035, 0.12]).is_empty());
         assert!(!filling.spots([0.12, 0.035]).is_empty());
+    }
+
+    /// A point of a surface, `height` above the bottom.
+    fn seen(x: f64, y: f64, height: f64) -> Point3<f64> {
+        Point3::new(x, y, -0.2 + height)
+    }
+
+    #[test]
+    fn measured_heights_replace_estimates_where_something_is_seen() {
+        let mut filling = Filling::new(container());
+        let spot = filling.spots([0.06, 0.05])[0];
+        filling.add(&spot, 0.08);
+        // It fell over at one end; the highest point of a cell counts.
+        let [x, y] = spot.offset;
+        filling.measure(&[seen(x, y, 0.03), seen(x, y, 0.05), seen(x, y, 0.04)]);
+        assert!((filling.level([x, y], [0.004; 2]) - 0.05).abs() < 1e-9);
+        assert!((filling.level([x + 0.04, y], [0.004; 2]) - 0.08).abs() < 1e-9);
+    }
+
+    #[test]
+    fn points_beside_the_container_and_of_the_arm_above_it_are_ignored() {
+        let mut filling = Filling::new(container());
+        let before = filling.clone();
+        let above = 0.12 + MAX_PILE;
+        filling.measure(&[
+            seen(0.16, 0.0, 0.05),
+            seen(0.0, -0.13, 0.05),
+            seen(0.0, 0.0, above + 0.01),
+        ]);
+        assert_eq!(filling, before);
+        filling.measure(&[seen(0.0, 0.0, above - 0.01)]);
+        assert_ne!(filling, before);
+    }
+
+    #[test]
+    fn a_pile_beyond_the_rim_is_an_obstacle_and_a_low_one_is_none() {
+        let mut filling = Filling::new(container());
+        filling.measure(&[seen(0.105, -0.085, 0.15), seen(-0.105, 0.0, 0.10)]);
+        let obstacles = filling.obstacles(filling.container().size[2]);
+        assert_eq!(obstacles.len(), 1);
+        let inside = |x: f64, y: f64, height: f64| obstacles[0].distance(&seen(x, y, height)) < 0.0;
+        assert!(inside(0.105, -0.085, 0.149) && inside(0.105, -0.085, 0.01));
+        assert!(!inside(0.105, -0.085, 0.151) && !inside(0.08, -0.085, 0.1));
+        // What is no higher than the noise of a sensor is none at all.
+        let mut empty = Filling::new(container());
+        empty.measure(&[seen(0.0, 0.0, 0.007)]);
+        assert!(empty.obstacles(0.0).is_empty());
+        empty.measure(&[seen(0.0, 0.0, 0.012)]);
+        assert_eq!(empty.obstacles(0.0).len(), 1);
     }
 
     #[test]

@@ -1,8 +1,11 @@
 //! Objects to grasp.
 
-use nalgebra::Vector3;
+use nalgebra::{Translation3, Vector3};
 use yarp_devices::kinematics::Pose;
 use yarp_planning::{Obstacle, Shape};
+
+/// Number of cuboids that stand for a prism.
+const PRISM_SLICES: usize = 5;
 
 /// The class of an object, which decides its container.
 #[derive(Clone, Copy, Debug, Eq, Hash, PartialEq)]
@@ -95,12 +98,57 @@ impl Item {
         self.pose.translation.z + self.shape.height() / 2.0
     }
 
-    /// Returns the object as an obstacle.
-    pub fn obstacle(&self) -> Obstacle {
-        Obstacle::new(
-            format!("{} {}", self.label, self.id),
-            self.shape.obstacle(),
-            self.pose,
-        )
+    /// Returns obstacles that contain the object: several for a triangle, which a cylinder is much wider than.
+    pub fn obstacles(&self) -> Vec<Obstacle> {
+        let name = format!("{} {}", self.label, self.id);
+        let ItemShape::Prism { side, height } = self.shape else {
+            return vec![Obstacle::new(name, self.shape.obstacle(), self.pose)];
+        };
+        let long = side * 3.0_f64.sqrt() / 2.0;
+        let slice = long / PRISM_SLICES as f64;
+        (0..PRISM_SLICES)
+            .map(|index| {
+                let from = index as f64 * slice;
+                let width = side * (1.0 - from / long);
+                let middle = Translation3::new(from + slice / 2.0 - long / 3.0, 0.0, 0.0);
+                let shape = Shape::cuboid([slice, width, height]);
+                Obstacle::new(name.clone(), shape, self.pose * middle)
+            })
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Point3;
+
+    use super::*;
+
+    #[test]
+    fn the_obstacles_of_a_prism_contain_it_and_are_narrower_than_its_cylinder() {
+        let (side, height) = (0.1, 0.06);
+        let item = Item {
+            id: 1,
+            label: "prism".into(),
+            class: Class::Polygon,
+            shape: ItemShape::Prism { side, height },
+            pose: Pose::translation(0.5, 0.1, 0.0),
+        };
+        let obstacles = item.obstacles();
+        let distance = |x: f64, y: f64| {
+            let point = Point3::new(0.5 + x, 0.1 + y, 0.0);
+            let all = obstacles.iter().map(|obstacle| obstacle.distance(&point));
+            all.fold(f64::INFINITY, f64::min)
+        };
+        let long = side * 3.0_f64.sqrt() / 2.0;
+        for step in 0..=20 {
+            let part = f64::from(step) / 20.0;
+            // A side from a corner at negative x to the one opposite.
+            let (x, y) = (-long / 3.0 + part * long, side / 2.0 * (1.0 - part));
+            assert!(distance(x, y) < 1e-9 && distance(x, -y) < 1e-9, "{part}");
+        }
+        // On the cylinder about it, far from each corner.
+        assert!(distance(-item.shape.radius(), 0.0) > 0.02);
+        assert!(distance(item.shape.radius() / 2.0, 0.045) > 0.01);
     }
 }

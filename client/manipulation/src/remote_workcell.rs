@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use nalgebra::SVector;
+use nalgebra::{Point3, SVector};
 use yarp_client::devices::PositionDirect;
 use yarp_client::{Axes, ControlMode, Hand, Mode, Robot};
 use yarp_devices::kinematics::Joints;
@@ -13,8 +13,9 @@ use crate::workcell::{Workcell, WorkcellError};
 /// Counts of a finger and of the spread per degree.
 const COUNTS: [f64; 4] = [125.0, 125.0, 125.0, 17.5];
 
+type ContainerView = Box<dyn FnMut() -> Vec<Point3<f64>> + Send>;
+
 /// An arm and a hand that are found by their names.
-#[derive(Debug)]
 pub struct RemoteWorkcell {
     arm: Robot,
     hand: Hand,
@@ -22,6 +23,16 @@ pub struct RemoteWorkcell {
     /// Seconds of the robot in a second of this machine.
     speed: f64,
     due: Instant,
+    container_view: Option<ContainerView>,
+}
+
+impl std::fmt::Debug for RemoteWorkcell {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("RemoteWorkcell")
+            .field("names", &self.names)
+            .field("speed", &self.speed)
+            .finish_non_exhaustive()
+    }
 }
 
 impl RemoteWorkcell {
@@ -35,7 +46,18 @@ impl RemoteWorkcell {
             names: names.map(str::to_owned),
             speed,
             due: Instant::now(),
+            container_view: None,
         }
+    }
+
+    /// Returns the same workcell with depth sensors above the containers: `look` returns what they see, see
+    /// [`Workcell::look_into_containers`].
+    pub fn with_container_view(
+        mut self,
+        look: impl FnMut() -> Vec<Point3<f64>> + Send + 'static,
+    ) -> Self {
+        self.container_view = Some(Box::new(look));
+        self
     }
 
     fn arm<R>(
@@ -119,6 +141,12 @@ impl Workcell for RemoteWorkcell {
     fn fingers(&mut self) -> Result<[f64; 4], WorkcellError> {
         let degrees = self.hand("read the fingers", self.hand.finger_positions())?;
         Ok(std::array::from_fn(|motor| degrees[motor] * COUNTS[motor]))
+    }
+
+    fn look_into_containers(&mut self) -> Result<Vec<Point3<f64>>, WorkcellError> {
+        let points = self.container_view.as_mut().map(|look| look());
+        self.due = Instant::now();
+        Ok(points.unwrap_or_default())
     }
 
     fn hold(&mut self) -> Result<(), WorkcellError> {

@@ -80,7 +80,9 @@ impl Surroundings {
             ));
         }
         for item in items {
-            scene.add(item.obstacle());
+            for obstacle in item.obstacles() {
+                scene.add(obstacle);
+            }
         }
         scene
     }

@@ -1,7 +1,6 @@
 //! Tidying: every object into the container of its class, until the table is empty or somebody stops it (Fig. 37).
 
 use crate::detector::{DetectError, Detector};
-use crate::filling::Filling;
 use crate::item::{Class, Item};
 use crate::picker::{PickError, Picker};
 use crate::stop_request::StopRequest;
@@ -110,7 +109,6 @@ fn run<W: Workcell>(
     report: &mut TidyReport,
 ) -> Result<(), TidyError> {
     let mut history: Vec<Tried> = Vec::new();
-    let mut fillings = picker.surroundings().containers.map(Filling::new);
     let mut budget = 0;
     let mut looked_again = false;
     loop {
@@ -146,8 +144,7 @@ fn run<W: Workcell>(
                 Class::Glass => 1,
                 Class::Plate => 2,
             };
-            let filling = &mut fillings[class];
-            let outcome = picker.pick_and_place(item, &others, filling, before);
+            let outcome = picker.pick_and_place(item, &others, class, before);
             match outcome {
                 Ok(()) => {
                     report.attempts += 1;
@@ -167,7 +164,11 @@ fn run<W: Workcell>(
                     report.stopped = true;
                     return Ok(());
                 }
-                Err(error @ (PickError::Missed { .. } | PickError::Plan { .. })) => {
+                Err(
+                    error @ (PickError::Missed { .. }
+                    | PickError::Lost { .. }
+                    | PickError::Plan { .. }),
+                ) => {
                     tracing::info!(%error, "the attempt failed");
                     report.attempts += 1;
                     report.log.push((item.id, false));

@@ -1,5 +1,6 @@
 //! The calls of arm and hand that the steps of a manipulation need.
 
+use nalgebra::Point3;
 use yarp_devices::DeviceError;
 use yarp_devices::kinematics::Joints;
 
@@ -38,6 +39,13 @@ pub trait Workcell {
 
     /// Returns the positions of the motors of F1, F2, F3 and the spread, counts.
     fn fingers(&mut self) -> Result<[f64; 4], WorkcellError>;
+
+    /// Returns points on the surfaces that depth sensors above the containers see now, in the arm's base frame, m.
+    ///
+    /// Empty without such sensors: then the heights in the containers are estimates.
+    fn look_into_containers(&mut self) -> Result<Vec<Point3<f64>>, WorkcellError> {
+        Ok(Vec::new())
+    }
 
     /// Holds the arm where it is; the hand keeps its grip.
     fn hold(&mut self) -> Result<(), WorkcellError>;

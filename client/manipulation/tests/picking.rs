@@ -4,7 +4,7 @@ mod support;
 
 use support::{Shared, SimulatedCell, item, shared};
 use yarp_manipulation::{
-    Filling, Item, PickError, Picker, PickerOptions, Step, Stop, Surroundings, Workcell,
+    Item, PickError, Picker, PickerOptions, Step, Stop, Surroundings, Workcell,
 };
 use yarp_table::{Finish, Scene, Shape, SimulationOptions, arm_model};
 
@@ -38,9 +38,8 @@ fn height(table: &Shared) -> f64 {
 #[track_caller]
 fn check_placed(shape: Shape, container: usize) {
     let (table, mut picker, item) = table(shape, 0.55, 0.05);
-    let mut target = Filling::new(picker.surroundings().containers[container]);
     picker
-        .pick_and_place(&item, &[], &mut target, 0)
+        .pick_and_place(&item, &[], container, 0)
         .expect("it is placed");
     table.borrow_mut().step(1.0);
     let table = table.borrow();
@@ -100,10 +99,7 @@ fn an_object_that_is_out_of_reach_moves_nothing() {
         0.0,
     );
     let before = picker.cell().joints().unwrap();
-    let mut target = Filling::new(picker.surroundings().containers[0]);
-    let error = picker
-        .pick_and_place(&item, &[], &mut target, 0)
-        .unwrap_err();
+    let error = picker.pick_and_place(&item, &[], 0, 0).unwrap_err();
     assert!(matches!(error, PickError::Unreachable { .. }), "{error}");
     assert!(error.to_string().contains("out of reach"), "{error}");
     assert!((picker.cell().joints().unwrap() - before).amax() < 0.01);
@@ -118,10 +114,7 @@ fn an_object_that_is_too_wide_has_no_grasp() {
         0.55,
         0.0,
     );
-    let mut target = Filling::new(picker.surroundings().containers[0]);
-    let error = picker
-        .pick_and_place(&item, &[], &mut target, 0)
-        .unwrap_err();
+    let error = picker.pick_and_place(&item, &[], 0, 0).unwrap_err();
     assert!(matches!(error, PickError::NoGrasp { .. }), "{error}");
 }
 
@@ -135,10 +128,7 @@ fn fingers_that_close_on_nothing_are_noticed() {
         0.2,
     );
     item.pose.translation.y -= 0.3;
-    let mut target = Filling::new(picker.surroundings().containers[0]);
-    let error = picker
-        .pick_and_place(&item, &[], &mut target, 0)
-        .unwrap_err();
+    let error = picker.pick_and_place(&item, &[], 0, 0).unwrap_err();
     assert!(matches!(error, PickError::Missed { .. }), "{error}");
     assert!(
         table
@@ -198,6 +188,82 @@ impl Workcell for Trigger {
     }
 }
 
+/// A cell that takes the object away once it is somewhere.
+struct Thief {
+    cell: SimulatedCell,
+    takes: fn(&nalgebra::Vector3<f64>) -> bool,
+}
+
+impl Workcell for Thief {
+    fn prepare(&mut self) -> Result<(), yarp_manipulation::WorkcellError> {
+        self.cell.prepare()
+    }
+    fn joints(
+        &mut self,
+    ) -> Result<yarp_devices::kinematics::Joints<7>, yarp_manipulation::WorkcellError> {
+        self.cell.joints()
+    }
+    fn command(
+        &mut self,
+        joints: &yarp_devices::kinematics::Joints<7>,
+    ) -> Result<(), yarp_manipulation::WorkcellError> {
+        let mut pose = self.cell.0.borrow().simulation.scene().objects[0].pose;
+        if (self.takes)(&pose.translation.vector) {
+            let mut table = self.cell.0.borrow_mut();
+            pose.translation.vector = nalgebra::Vector3::new(0.75, 0.25, -0.01);
+            table.simulation.place(0, pose);
+        }
+        self.cell.command(joints)
+    }
+    fn wait(&mut self, seconds: f64) -> Result<(), yarp_manipulation::WorkcellError> {
+        self.cell.wait(seconds)
+    }
+    fn command_hand(&mut self, line: &str) -> Result<String, yarp_manipulation::WorkcellError> {
+        self.cell.command_hand(line)
+    }
+    fn fingers(&mut self) -> Result<[f64; 4], yarp_manipulation::WorkcellError> {
+        self.cell.fingers()
+    }
+    fn hold(&mut self) -> Result<(), yarp_manipulation::WorkcellError> {
+        self.cell.hold()
+    }
+}
+
+/// A loss was not noticed: the arm carried nothing to the basket and counted it as released.
+#[test]
+fn an_object_that_is_lost_on_the_way_is_noticed() {
+    let high: fn(&nalgebra::Vector3<f64>) -> bool = |place| place.z > 0.06;
+    for (takes, step) in [
+        (high, Step::Lift),
+        (|place| place.y < -0.1, Step::Transport),
+    ] {
+        let (table, _, item) = table(
+            Shape::Box {
+                size: [0.06, 0.09, 0.08],
+            },
+            0.55,
+            0.05,
+        );
+        let cell = Thief {
+            cell: SimulatedCell(table.clone()),
+            takes,
+        };
+        let mut picker = Picker::new(
+            cell,
+            arm_model(),
+            Surroundings::default(),
+            PickerOptions::default(),
+            Stop::default(),
+        )
+        .expect("the simulated arm is ready");
+        let error = picker.pick_and_place(&item, &[], 0, 0).unwrap_err();
+        match error {
+            PickError::Lost { step: when, .. } => assert_eq!(when, step),
+            other => panic!("{other}"),
+        }
+    }
+}
+
 /// Interrupts a lift and returns the error; the object must stay in the hand for two seconds.
 fn interrupted(stop: Option<Stop>) -> PickError {
     let (table, _, item) = table(
@@ -217,10 +283,7 @@ fn interrupted(stop: Option<Stop>) -> PickError {
     let options = PickerOptions::default();
     let mut picker = Picker::new(cell, arm_model(), Surroundings::default(), options, button)
         .expect("the simulated arm is ready");
-    let mut target = Filling::new(picker.surroundings().containers[0]);
-    let error = picker
-        .pick_and_place(&item, &[], &mut target, 0)
-        .unwrap_err();
+    let error = picker.pick_and_place(&item, &[], 0, 0).unwrap_err();
     let before = height(&table);
     table.borrow_mut().step(2.0);
     assert!(

@@ -3,16 +3,19 @@
 //! | module | content |
 //! | --- | --- |
 //! | `served_table` | [`ServedTable`]: arm, hand, cameras and truth of a table on ports |
+//! | `container_view` | [`ContainerView`]: what depth sensors see in the baskets |
 //! | `truth` | [`RemoteTruth`]: a detector that asks the table itself, with noise |
 //! | `vision` | a detector that looks through the table's cameras (feature `vision`) |
 //! | `tidy` | [`tidy::run`]: every object into the basket of its class |
 
+mod container_view;
 mod served_table;
 pub mod tidy;
 mod truth;
 #[cfg(feature = "vision")]
 mod vision;
 
+pub use container_view::ContainerView;
 pub use served_table::ServedTable;
 pub use truth::{RemoteTruth, serve_truth};
 #[cfg(feature = "vision")]

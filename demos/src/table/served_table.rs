@@ -11,6 +11,7 @@ use yarp_wrappers::{
 };
 
 use super::TableDemoError;
+use super::container_view::ContainerView;
 use super::truth::serve_truth;
 
 /// Interval at which arm and hand publish their state, on the table's clock.
@@ -26,6 +27,7 @@ pub struct ServedTable {
     grasps: HandServer,
     camera: FrameGrabberServer,
     depth: FrameGrabberServer,
+    baskets: Vec<FrameGrabberServer>,
     // Closed on drop.
     _truth: RpcServer,
 }
@@ -39,7 +41,8 @@ impl std::fmt::Debug for ServedTable {
 }
 
 impl ServedTable {
-    /// Opens the ports: `PREFIX/wam`, `PREFIX/hand`, `PREFIX/camera`, `PREFIX/depth` and `PREFIX/truth/rpc:i`.
+    /// Opens the ports: `PREFIX/wam`, `PREFIX/hand`, `PREFIX/camera`, `PREFIX/depth`, `PREFIX/baskets/right`,
+    /// `PREFIX/baskets/left` and `PREFIX/truth/rpc:i`.
     ///
     /// `speed` is that of the table: the states are published as often on its own clock.
     pub fn open(
@@ -59,21 +62,28 @@ impl ServedTable {
         let (network, prefix) = (network.clone(), prefix.to_owned());
         let (wam, fingers, eye) = (table.arm(), table.hand(), table.camera());
         let sensor = table.depth();
+        let above = table.basket_cameras();
         let opening = async move {
             let name = |part: &str| format!("{prefix}/{part}");
             let board = || ControlBoardOptions::new().period(interval);
             let images = FrameGrabberOptions::new();
             let raw = images.clone().capability(Capability::Raw);
             let (wam_name, hand_name, camera_name) = (name("wam"), name("hand"), name("camera"));
+            let mut baskets = Vec::new();
+            for (camera, part) in above.into_iter().zip(ContainerView::NAMES) {
+                let (raw, name) = (raw.clone(), name(part));
+                baskets.push(FrameGrabberServer::open(&network, camera, &name, raw).await?);
+            }
             Ok::<_, TableDemoError>((
                 ControlBoardServer::open(&network, wam, &wam_name, board()).await?,
                 ControlBoardServer::open(&network, fingers.clone(), &hand_name, board()).await?,
                 HandServer::open(&network, fingers, &hand_name).await?,
                 FrameGrabberServer::open(&network, eye, &camera_name, images).await?,
                 FrameGrabberServer::open(&network, sensor, &name("depth"), raw).await?,
+                baskets,
             ))
         };
-        let (arm, hand, grasps, camera, depth) = wait(opening)?;
+        let (arm, hand, grasps, camera, depth, baskets) = wait(opening)?;
         Ok(Self {
             table,
             arm,
@@ -81,6 +91,7 @@ impl ServedTable {
             grasps,
             camera,
             depth,
+            baskets,
             _truth: truth,
         })
     }
@@ -99,9 +110,13 @@ impl ServedTable {
             grasps,
             camera,
             depth,
+            baskets,
             _truth: truth,
         } = self;
         wait(async move {
+            for camera in baskets {
+                camera.close().await;
+            }
             depth.close().await;
             camera.close().await;
             grasps.close().await;

@@ -14,7 +14,7 @@ use yarp_table::{Class, LiveOptions, LiveTable, Placement, Scene, arm_model};
 
 pub use yarp_manipulation::Stop;
 
-use super::{RemoteTruth, ServedTable, TableDemoError};
+use super::{ContainerView, RemoteTruth, ServedTable, TableDemoError};
 use crate::DemoError;
 
 /// Standard deviation of a detected place along x and y by default, m.
@@ -240,7 +240,13 @@ fn tidy_on(
             Box::new(super::RemoteVision::connect(network, cameras)?)
         }
     };
-    let cell = RemoteWorkcell::new(arm, hand, [&names[0], &names[1]], options.speed);
+    let mut cell = RemoteWorkcell::new(arm, hand, [&names[0], &names[1]], options.speed);
+    match ContainerView::connect(network, prefix) {
+        Ok(mut view) => cell = cell.with_container_view(move || view.look()),
+        Err(error) => {
+            tracing::warn!(%error, "nothing sees into the containers; their heights are estimates");
+        }
+    }
     let mut picking = PickerOptions::default();
     picking.seed = options.seed;
     let surroundings = Surroundings::default();

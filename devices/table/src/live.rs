@@ -73,6 +73,7 @@ pub struct LiveTable {
     hand: Arc<HandBoard>,
     camera: Arc<TableCamera>,
     depth: Arc<TableCamera>,
+    baskets: [Arc<TableCamera>; 2],
     scene: Arc<Mutex<Scene>>,
     statistics: Arc<Mutex<TableStatistics>>,
     // Last, so that the hand at this end of the line is gone before.
@@ -123,11 +124,17 @@ impl LiveTable {
             ..DepthNoise::default()
         };
         let depth = TableCamera::start(&scene, beside, Kind::Depth(noise), options.rate)?;
+        let [right, left] = lock(&scene).basket_cameras();
+        let above = |camera| {
+            TableCamera::start(&scene, camera, Kind::Depth(noise), options.rate).map(Arc::new)
+        };
+        let baskets = [above(right)?, above(left)?];
         Ok(Self {
             arm: Arc::new(arm),
             hand,
             camera: Arc::new(camera),
             depth: Arc::new(depth),
+            baskets,
             scene,
             statistics,
             _line: line,
@@ -153,6 +160,11 @@ impl LiveTable {
     /// for no measurement.
     pub fn depth(&self) -> Arc<TableCamera> {
         Arc::clone(&self.depth)
+    }
+
+    /// Returns the depth sensors above the baskets, see [`Scene::basket_cameras`].
+    pub fn basket_cameras(&self) -> [Arc<TableCamera>; 2] {
+        self.baskets.clone()
     }
 
     /// Returns what happened so far.

@@ -14,6 +14,10 @@ pub const MIDDLE: [f64; 2] = [0.55, 0.0];
 /// Height of the camera above the table, m (section 6.4.2 of the thesis).
 pub const CAMERA_HEIGHT: f64 = 0.911;
 
+/// Places of the depth sensors above the baskets, m, and their height above the table: the bottoms are within their range.
+const BASKET_CAMERAS: [[f64; 2]; 2] = [[0.27, -0.58], [0.45, 0.56]];
+const BASKET_CAMERA_HEIGHT: f64 = 0.80;
+
 /// A table: a plate of wood.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Table {
@@ -152,6 +156,14 @@ impl Scene {
             self.table.surface,
             CAMERA_HEIGHT,
         )
+    }
+
+    /// Returns two depth sensors that look into the baskets: one over those at negative y, one over that of the glasses.
+    pub fn basket_cameras(&self) -> [Camera; 2] {
+        BASKET_CAMERAS.map(|place| {
+            let lens = Lens::depth_sensor().scaled(0.5);
+            Camera::overhead(lens, place, self.table.surface, BASKET_CAMERA_HEIGHT)
+        })
     }
 
     /// Returns the object with this number.

@@ -37,6 +37,9 @@ const DIRECTIONS: u32 = 12;
 /// Height of the palm's face above the frame of the hand, with the roundness of the palm, m.
 const PALM_DEPTH: f64 = 0.078;
 
+/// Further opening of the fingers at a release, counts.
+const RELEASE_COUNTS: i32 = 800;
+
 /// Options of grasps.
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
@@ -73,12 +76,19 @@ pub struct Grasp {
     pub open: i32,
     /// Position of the fingers where they touch the object, counts.
     pub contact: i32,
+    /// Distance of the lowest fingertip from the hand's frame along z while the fingers close, m.
+    pub depth: f64,
 }
 
 impl Grasp {
     /// Returns the joints of the fingers while they are open for the grasp.
     pub fn fingers(&self) -> [FingerJoints; 3] {
         [finger_joints(f64::from(self.open), f64::from(self.spread)); 3]
+    }
+
+    /// Returns the position of the fingers after a release, counts: a little wider than before the grasp.
+    pub(crate) fn released(&self) -> i32 {
+        (self.open - RELEASE_COUNTS).max(0)
     }
 }
 
@@ -188,6 +198,7 @@ fn grasp(item: &Item, options: &GraspOptions, direction: f64, meeting: Meeting) 
         spread: meeting.spread,
         open,
         contact,
+        depth: lowest,
     })
 }
 

@@ -91,6 +91,14 @@ pub enum PickError {
         /// Label of the object.
         item: String,
     },
+    /// The object is no longer between the fingers; they are open.
+    #[error("{item} was lost during {step}")]
+    Lost {
+        /// Label of the object.
+        item: String,
+        /// The step.
+        step: Step,
+    },
     /// The arm does not follow; it holds where it is.
     #[error(
         "{step}: joint {joint} is {error:.3} rad away from its set point; something blocks the arm"
@@ -174,9 +182,13 @@ const GRIP: i32 = 500;
 /// Position below which the outer links are steep at the contact and cannot curl below the object, and the grip then, counts.
 const STEEP_CONTACT: i32 = 6000;
 const STEEP_GRIP: i32 = 1500;
+/// Factor by which motions with an object take longer: acceleration loosens it.
+const LOADED: f64 = 1.5;
 /// Posture near home with the elbow a little open, and the distance within which the arm counts as at home, rad.
 const UNFOLDED: [f64; 7] = [0.0, -1.9, 0.0, 2.7, 0.0, 0.0, 0.0];
 const AT_HOME: f64 = 0.2;
+/// Strain of a finger above that of the open hand from which on it counts as pressing on something.
+const MIN_STRAIN: i32 = 8;
 /// Time for which the fingers settle after closing and opening, s.
 const GRIP_TIME: f64 = 0.25;
 
@@ -196,6 +208,10 @@ pub struct Picker<W> {
     /// Position of the spread, counts.
     spread: i32,
     plans: u64,
+    /// Of each container, in the order of the surroundings.
+    fillings: [Filling; 3],
+    /// Strain of the open fingers.
+    unstrained: [i32; 3],
 }
 
 impl<W: Workcell> Picker<W> {
@@ -217,6 +233,7 @@ impl<W: Workcell> Picker<W> {
         let spread = cell.fingers().map_err(failed)?[3] as i32;
         let mut options = options;
         options.grasp.surface = surroundings.surface;
+        let fillings = surroundings.containers.map(Filling::new);
         Ok(Self {
             solver: PostureSolver::new(&model),
             cell,
@@ -228,6 +245,8 @@ impl<W: Workcell> Picker<W> {
             correction: Joints::<7>::zeros(),
             spread,
             plans: 0,
+            fillings,
+            unstrained: [0; 3],
         })
     }
 
@@ -246,19 +265,24 @@ impl<W: Workcell> Picker<W> {
         &self.surroundings
     }
 
+    /// Returns what is in a container, by its number, as far as it is known.
+    pub fn filling(&self, container: usize) -> &Filling {
+        &self.fillings[container]
+    }
+
     /// Picks `item` and drops it into a container, where what was released before lies lowest.
     ///
     /// `others` are the other objects on the table. `first` skips grasps: 0 begins with the preferred one.
     ///
-    /// Errors: [`PickError`].
+    /// `container` is its number, below 3. Errors: [`PickError`].
     pub fn pick_and_place(
         &mut self,
         item: &Item,
         others: &[Item],
-        filling: &mut Filling,
+        container: usize,
         first: usize,
     ) -> Result<(), PickError> {
-        let outcome = self.try_pick_and_place(item, others, filling, first);
+        let outcome = self.try_pick_and_place(item, others, container, first);
         if let Err(
             PickError::Workcell { .. } | PickError::Stopped { .. } | PickError::Blocked { .. },
         ) = &outcome
@@ -273,7 +297,7 @@ impl<W: Workcell> Picker<W> {
         &mut self,
         item: &Item,
         others: &[Item],
-        filling: &mut Filling,
+        container: usize,
         first: usize,
     ) -> Result<(), PickError> {
         self.leave_home()?;
@@ -288,6 +312,7 @@ impl<W: Workcell> Picker<W> {
             true => STEEP_GRIP,
             false => GRIP,
         };
+        self.unstrained = self.strains(Step::Grasp)?;
         self.hand(Step::Grasp, &format!("GM {}", plan.grasp.contact + grip))?;
         self.pause(GRIP_TIME, Step::Grasp)?;
         if self.is_empty(Step::Grasp)? {
@@ -296,10 +321,18 @@ impl<W: Workcell> Picker<W> {
             let item = item.label.clone();
             return Err(PickError::Missed { item });
         }
-        self.follow(&plan.up, Step::Lift)?;
+        self.follow(&plan.up.slowed(LOADED), Step::Lift)?;
         // The correction contains the weight from here on.
         self.settle(Step::Lift)?;
-        let (transport, spot) = match self.plan_transport(item, others, &plan.grasp, filling) {
+        self.check_held(item, &plan.grasp, Step::Lift)?;
+        let step = Step::Lift;
+        let points = self.cell.look_into_containers();
+        let points = points.map_err(|source| PickError::Workcell { step, source })?;
+        for filling in &mut self.fillings {
+            filling.measure(&points);
+        }
+        let planned = self.plan_transport(item, others, &plan.grasp, container);
+        let (transport, spot) = match planned {
             Ok(transport) => transport,
             Err(error) => {
                 self.follow(&plan.down, Step::Release)?;
@@ -309,10 +342,37 @@ impl<W: Workcell> Picker<W> {
                 return Err(error);
             }
         };
-        self.carry(&transport, Step::Transport)?;
+        self.carry(&transport.slowed(LOADED), Step::Transport)?;
         self.settle(Step::Transport)?;
-        filling.add(&spot, item.shape.height());
+        self.check_held(item, &plan.grasp, Step::Transport)?;
+        self.fillings[container].add(&spot, item.shape.height());
         self.let_go(&plan.grasp, Step::Release)
+    }
+
+    /// Returns the readings of the strain gauges of F1, F2 and F3; zeros if the hand has none.
+    fn strains(&mut self, step: Step) -> Result<[i32; 3], PickError> {
+        let reply = self.hand(step, "GFGET SG")?;
+        let numbers: Vec<i32> = reply
+            .split_whitespace()
+            .filter_map(|word| word.parse().ok())
+            .collect();
+        tracing::debug!(?numbers, %step, "strain");
+        Ok(match numbers[..] {
+            [one, two, three] => [one, two, three],
+            _ => [0; 3],
+        })
+    }
+
+    /// Opens the hand and reports a loss if no finger presses on anything.
+    fn check_held(&mut self, item: &Item, grasp: &Grasp, step: Step) -> Result<(), PickError> {
+        let now = self.strains(step)?;
+        let presses = |finger: usize| now[finger] - self.unstrained[finger] >= MIN_STRAIN;
+        if now == [0; 3] || (0..3).any(presses) {
+            return Ok(());
+        }
+        self.let_go(grasp, step)?;
+        let item = item.label.clone();
+        Err(PickError::Lost { item, step })
     }
 
     /// Unfolds an arm at home, where forearm and upper arm are closer to each other than planned motions come.
@@ -348,6 +408,8 @@ impl<W: Workcell> Picker<W> {
         if let Some(motion) = self.plan_back_up(items) {
             self.follow(&motion, Step::PreGrasp)?;
         }
+        // As planned.
+        self.hand(Step::PreGrasp, "GO")?;
         match self.plan_retreat(items, to) {
             Ok(motion) => self.follow(&motion, Step::PreGrasp).map(|()| true),
             Err(error) => {
@@ -379,7 +441,7 @@ impl<W: Workcell> Picker<W> {
     }
 
     fn let_go(&mut self, grasp: &Grasp, step: Step) -> Result<(), PickError> {
-        self.hand(step, &format!("GM {}", (grasp.open - 800).max(0)))?;
+        self.hand(step, &format!("GM {}", grasp.released()))?;
         self.pause(GRIP_TIME, step)
     }
 

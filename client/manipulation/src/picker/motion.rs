@@ -24,6 +24,14 @@ pub(super) struct Motion {
 }
 
 impl Motion {
+    /// Returns the same motion with this multiple of its duration.
+    pub(super) fn slowed(&self, factor: f64) -> Self {
+        Self {
+            slower: self.slower * factor,
+            ..self.clone()
+        }
+    }
+
     /// Returns the posture at the end.
     pub(super) fn end(&self) -> Joints<7> {
         self.trajectory.joints_at(self.trajectory.duration())

@@ -13,7 +13,7 @@ use super::motion::Motion;
 use super::{PickError, Picker, PlanFailure, Step};
 use crate::filling::{Filling, Spot, half_extent};
 use crate::grasp::{Grasp, finger_joints, grasps};
-use crate::item::Item;
+use crate::item::{Item, ItemShape};
 use crate::workcell::Workcell;
 
 /// Distance that the straight approach keeps from the table and other objects, m.
@@ -23,14 +23,22 @@ const LIFTS: [f64; 5] = [0.20, 0.15, 0.12, 0.09, 0.06];
 /// Length of a step of a straight line, m.
 const LINE_STEP: f64 = 0.02;
 /// Height of a held object's bottom above the rim of the container when it is released, m.
-const RELEASE_HEIGHT: f64 = 0.03;
+const RELEASE_HEIGHT: f64 = 0.022;
 /// Number of directions of the hand above a container.
 const RELEASE_DIRECTIONS: u32 = 8;
+/// Number of directions in which the sides of an object are along the walls.
+const ALIGNED_DIRECTIONS: u32 = 4;
 /// Number of directions and places that are goals of one plan, and maximum number of plans for a release.
 const RELEASES_AT_ONCE: usize = 8;
 const MAX_RELEASE_PLANS: usize = 6;
 /// Length of the motion up from beside an object, m, and lower ones where the arm does not reach so high.
 const BACK_UPS: [f64; 3] = [0.20, 0.12, 0.06];
+/// Position of fingers that point straight down, counts.
+const STEEP_FINGERS: i32 = 8000;
+/// Openings of the fingers that are tried, as parts of the usual one.
+const OPENINGS: [f64; 3] = [1.0, 0.65, 0.4];
+/// Distance of the palm's middle to the outside of the fingers beside an object, m.
+const FINGER_ROOM: f64 = 0.05;
 /// Number of postures per grasp for which a straight approach is tried.
 const POSTURES: usize = 4;
 /// Largest and smallest radius of the spheres that stand for a held object, m.
@@ -54,13 +62,20 @@ impl<W: Workcell> Picker<W> {
         others: &[Item],
         first: usize,
     ) -> Result<PickPlan, PickError> {
-        let all = grasps(item, &self.options.grasp);
-        let count = all.len();
+        let mut count = 0;
         let mut last = None;
-        for grasp in all.into_iter().cycle().skip(first).take(count) {
-            match self.plan_grasp(item, others, grasp) {
-                Ok(plan) => return Ok(plan),
-                Err(failure) => last = Some(failure),
+        // What stands close together leaves less room for the fingers.
+        for narrower in OPENINGS {
+            let mut options = self.options.grasp;
+            options.opening *= narrower;
+            let all = grasps(item, &options);
+            count += all.len();
+            let number = all.len();
+            for grasp in all.into_iter().cycle().skip(first).take(number) {
+                match self.plan_grasp(item, others, grasp) {
+                    Ok(plan) => return Ok(plan),
+                    Err(failure) => last = Some(failure),
+                }
             }
         }
         let item = item.label.clone();
@@ -77,9 +92,9 @@ impl<W: Workcell> Picker<W> {
         grasp: Grasp,
     ) -> Result<PickPlan, PlanFailure> {
         let geometry = ArmGeometry::wam_with_hand(&grasp.fingers());
-        let near = self.collisions(geometry.clone(), self.surroundings.scene(others));
+        let near = self.collisions(geometry.clone(), self.scene(others));
         let near = near.with_margin(APPROACH_MARGIN);
-        let around = self.surroundings.scene(others.iter().chain([item]));
+        let around = self.scene(others.iter().chain([item]));
         let far = self.collisions(geometry, around);
         let postures = self.solver.postures(&grasp.hand, &self.at, &near)?;
         for posture in postures.iter().take(POSTURES) {
@@ -124,7 +139,7 @@ impl<W: Workcell> Picker<W> {
         plan: &PickPlan,
     ) -> Result<Motion, PickError> {
         let geometry = ArmGeometry::wam_with_hand(&plan.grasp.fingers());
-        let scene = self.surroundings.scene(others.iter().chain([item]));
+        let scene = self.scene(others.iter().chain([item]));
         self.plan_motion(geometry, scene, &[plan.above])
             .map_err(|source| PickError::Plan {
                 step: Step::PreGrasp,
@@ -138,15 +153,16 @@ impl<W: Workcell> Picker<W> {
         item: &Item,
         others: &[Item],
         grasp: &Grasp,
-        filling: &Filling,
+        container: usize,
     ) -> Result<(Motion, Spot), PickError> {
         let step = Step::Transport;
         let mut geometry = ArmGeometry::wam_with_hand(&grasp.fingers());
         for sphere in held(item, grasp) {
             geometry = geometry.with_sphere(sphere);
         }
-        let scene = self.surroundings.scene(others);
+        let scene = self.scene(others);
         let model = self.collisions(geometry.clone(), scene.clone());
+        let filling = &self.fillings[container].clone();
         let mut last = PlanFailure::NoLine;
         let releases = releases(item, filling);
         for some in releases.chunks(RELEASES_AT_ONCE).take(MAX_RELEASE_PLANS) {
@@ -184,8 +200,12 @@ impl<W: Workcell> Picker<W> {
 
     /// Plans a motion straight up, out of the margin of the objects; `None` if the arm is free or cannot go up.
     pub(super) fn plan_back_up(&self, items: &[Item]) -> Option<Motion> {
-        let model = self.collisions(self.open_hand(), self.surroundings.scene(items));
-        if model.is_free(&self.at) {
+        // The fingers are not always open: those that point down reach farthest.
+        let down = [finger_joints(f64::from(STEEP_FINGERS), f64::from(self.spread)); 3];
+        let geometries = [self.open_hand(), ArmGeometry::wam_with_hand(&down)];
+        let models = geometries.map(|geometry| self.collisions(geometry, self.scene(items)));
+        let is_free = |posture: &Joints<7>| models.iter().all(|model| model.is_free(posture));
+        if is_free(&self.at) {
             return None;
         }
         BACK_UPS.into_iter().find_map(|height| {
@@ -193,7 +213,7 @@ impl<W: Workcell> Picker<W> {
             above.translation.z += height;
             let steps = (height / LINE_STEP).ceil() as usize;
             let line = self.solver.line(&self.at, &above, steps)?;
-            let free = line.iter().position(|posture| model.is_free(posture))?;
+            let free = line.iter().position(is_free)?;
             let mut postures = vec![self.at];
             postures.extend_from_slice(&line[..=free]);
             self.timed(postures)
@@ -206,8 +226,19 @@ impl<W: Workcell> Picker<W> {
         items: &[Item],
         to: &Joints<7>,
     ) -> Result<Motion, PlanFailure> {
-        let scene = self.surroundings.scene(items);
+        let scene = self.scene(items);
         self.plan_motion(self.open_hand(), scene, &[*to])
+    }
+
+    /// Returns table, containers with what piles up beyond their rims, and these objects as obstacles.
+    fn scene<'a>(&self, items: impl IntoIterator<Item = &'a Item>) -> Scene {
+        let mut scene = self.surroundings.scene(items);
+        for filling in &self.fillings {
+            for obstacle in filling.obstacles(filling.container().size[2]) {
+                scene.add(obstacle);
+            }
+        }
+        scene
     }
 
     fn open_hand(&self) -> ArmGeometry {
@@ -253,8 +284,13 @@ impl<W: Workcell> Picker<W> {
 /// Returns directions and places of a release, rad about the vertical, the lowest places first.
 fn releases(item: &Item, filling: &Filling) -> Vec<(f64, Spot)> {
     let mut all = Vec::new();
-    for direction in 0..RELEASE_DIRECTIONS {
-        let angle = TAU * f64::from(direction) / f64::from(RELEASE_DIRECTIONS);
+    // Along the walls, where objects lie close to each other; only what is round fits as well in other directions.
+    let (directions, begin) = match item.shape {
+        ItemShape::Cylinder { .. } => (RELEASE_DIRECTIONS, 0.0),
+        ItemShape::Cuboid { .. } | ItemShape::Prism { .. } => (ALIGNED_DIRECTIONS, -item.yaw()),
+    };
+    for direction in 0..directions {
+        let angle = begin + TAU * f64::from(direction) / f64::from(directions);
         let spots = filling.spots(half_extent(item, angle));
         // One of each direction in turn among those that are equally low.
         all.extend(
@@ -287,7 +323,13 @@ fn release_pose(item: &Item, grasp: &Grasp, filling: &Filling, angle: f64, spot:
     let container = filling.container();
     let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), angle);
     let bottom = item.pose.translation.z - item.shape.height() / 2.0;
-    let below = container.rim().max(container.bottom[2] + spot.level);
+    let room = spot.half.map(|half| half + FINGER_ROOM);
+    let around = container.bottom[2] + filling.level(spot.offset, room);
+    let tips = item.pose.translation.z - item.shape.height() / 2.0;
+    let tips = grasp.hand.translation.z - grasp.depth - tips;
+    // Fingertips beside a tall object are above its bottom, and clear of what is around it sooner.
+    let under = container.bottom[2] + spot.level;
+    let below = container.rim().max(under).max(around - tips);
     // The object's middle comes to the spot, beside which the hand may be.
     let beside = grasp.hand.translation.vector - item.pose.translation.vector;
     let beside = turn * Vector3::new(beside.x, beside.y, 0.0);
@@ -310,15 +352,115 @@ fn held(item: &Item, grasp: &Grasp) -> Vec<LinkSphere> {
     let mut spheres = Vec::new();
     for level in 0..levels {
         let z = height * ((level as f64 + 0.5) / levels as f64 - 0.5);
-        for step in 0..around {
-            let (sine, cosine) = (TAU * step as f64 / around as f64).sin_cos();
-            let center = into_hand * Point3::new(ring * cosine, ring * sine, z);
+        let mut add = |x: f64, y: f64, radius: f64| {
             spheres.push(LinkSphere {
                 link: 7,
-                center,
-                radius: size,
+                center: into_hand * Point3::new(x, y, z),
+                radius,
             });
+        };
+        if let ItemShape::Cuboid {
+            size: [long, wide, _],
+        } = item.shape
+        {
+            // Along its edges; a cylinder would be much wider.
+            let ball = size.min(long / 2.0).min(wide / 2.0);
+            let ends = [long / 2.0 - ball, wide / 2.0 - ball];
+            let number = |end: f64| ((2.0 * end / (1.5 * ball)).ceil() as usize).max(1);
+            let counts = ends.map(number);
+            for row in 0..=counts[0] {
+                for column in 0..=counts[1] {
+                    let edge = row == 0 || row == counts[0] || column == 0 || column == counts[1];
+                    if edge {
+                        let part = |index: usize, axis: usize| {
+                            ends[axis] * (2.0 * index as f64 / counts[axis] as f64 - 1.0)
+                        };
+                        add(part(row, 0), part(column, 1), ball);
+                    }
+                }
+            }
+            continue;
+        }
+        for step in 0..around {
+            let (sine, cosine) = (TAU * step as f64 / around as f64).sin_cos();
+            add(ring * cosine, ring * sine, size);
         }
     }
     spheres
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grasp::{GraspOptions, grasps};
+    use crate::item::Class;
+    use crate::surroundings::Surroundings;
+
+    fn brick(yaw: f64) -> Item {
+        let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), yaw);
+        let shape = ItemShape::Cuboid {
+            size: [0.07, 0.195, 0.07],
+        };
+        Item {
+            id: 1,
+            label: "brick".into(),
+            class: Class::Polygon,
+            shape,
+            pose: Pose::from_parts(Vector3::new(0.5, 0.1, -0.015).into(), turn),
+        }
+    }
+
+    #[test]
+    fn cuboids_are_released_along_the_walls() {
+        let filling = Filling::new(Surroundings::default().containers[0]);
+        let item = brick(0.4);
+        let all = releases(&item, &filling);
+        assert!(!all.is_empty());
+        for (angle, spot) in all {
+            let quarter = (item.yaw() + angle).rem_euclid(std::f64::consts::FRAC_PI_2);
+            assert!(quarter.min(std::f64::consts::FRAC_PI_2 - quarter) < 1e-9);
+            assert!((spot.half[0] - 0.035).abs() < 1e-9 || (spot.half[0] - 0.0975).abs() < 1e-9);
+        }
+    }
+
+    /// Objects that were released beside a high pile came down on it.
+    #[test]
+    fn fingertips_are_released_above_what_is_beside_the_place() {
+        let mut filling = Filling::new(Surroundings::default().containers[0]);
+        let item = brick(0.0);
+        let grasp = &grasps(&item, &GraspOptions::default())[0];
+        let (angle, spot) = releases(&item, &filling)[0];
+        let low = release_pose(&item, grasp, &filling, angle, &spot);
+        let [x, y, z] = filling.container().bottom;
+        let beside = Point3::new(
+            x + spot.offset[0] + spot.half[0] + 0.02,
+            y + spot.offset[1],
+            z + 0.16,
+        );
+        filling.measure(&[beside]);
+        let high = release_pose(&item, grasp, &filling, angle, &spot);
+        assert!(high.translation.z > low.translation.z + 0.03);
+        assert!(high.translation.z - grasp.depth > beside.z + 0.01);
+    }
+
+    #[test]
+    fn a_held_cuboid_is_no_wider_than_it_is() {
+        let item = brick(0.4);
+        let grasp = &grasps(&item, &GraspOptions::default())[0];
+        let from_hand = item.pose.inverse() * grasp.hand;
+        let mut reach = [0.0_f64; 3];
+        for sphere in held(&item, grasp) {
+            let place = from_hand * sphere.center;
+            for axis in 0..3 {
+                reach[axis] = reach[axis].max(place[axis].abs() + sphere.radius);
+            }
+        }
+        for (axis, half) in [0.035, 0.0975, 0.035].into_iter().enumerate() {
+            assert!(
+                (reach[axis] - half).abs() < 0.006,
+                "{axis}: {}",
+                reach[axis]
+            );
+        }
+    }
 }

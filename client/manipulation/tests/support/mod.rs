@@ -6,18 +6,23 @@ use std::cell::RefCell;
 use std::rc::Rc;
 use std::time::Duration;
 
+use nalgebra::Point3;
 use yarp_devices::kinematics::Joints;
 use yarp_devices::{Axes, DeviceError, Mode};
 use yarp_manipulation::{Class, DetectError, Detector, Item, ItemShape, Workcell, WorkcellError};
-use yarp_table::{Other, Random, Scene, Shape, TableSimulation};
+use yarp_table::{DepthNoise, Other, Random, Renderer, Scene, Shape, TableSimulation};
 
 /// The table, and what happened on it.
 pub struct Table {
     pub simulation: TableSimulation,
     /// Contacts of the robot with table or baskets, steps.
     pub touched: usize,
+    /// The first of them: time, part of the robot, counterpart, place.
+    pub first_touch: Option<String>,
     /// The call that fails, counted down; `None` fails nothing.
     pub fails_after: Option<usize>,
+    renderer: Renderer,
+    looks: u64,
 }
 
 impl Table {
@@ -27,7 +32,16 @@ impl Table {
             self.simulation.step();
             let contacts = self.simulation.physics().contacts();
             let touches = |other: Other| matches!(other, Other::Table | Other::Basket);
-            self.touched += usize::from(contacts.iter().any(|contact| touches(contact.other)));
+            let touch = contacts.iter().find(|contact| touches(contact.other));
+            if let (Some(touch), None) = (touch, &self.first_touch) {
+                let time = self.simulation.time().as_secs_f64();
+                let (part, other, point) = (touch.part, touch.other, touch.point);
+                let fingers = self.simulation.hand().positions();
+                self.first_touch = Some(format!(
+                    "{time:.1} s, part {part}, {other:?} at {point:.3}, fingers {fingers:.0?}"
+                ));
+            }
+            self.touched += usize::from(touch.is_some());
         }
     }
 }
@@ -38,7 +52,10 @@ pub fn shared(scene: Scene, options: yarp_table::SimulationOptions) -> Shared {
     Rc::new(RefCell::new(Table {
         simulation: TableSimulation::new(scene, options),
         touched: 0,
+        first_touch: None,
         fails_after: None,
+        renderer: Renderer::new(),
+        looks: 0,
     }))
 }
 
@@ -124,6 +141,28 @@ impl Workcell for SimulatedCell {
 
     fn fingers(&mut self) -> Result<[f64; 4], WorkcellError> {
         Ok(self.0.borrow().simulation.hand().positions())
+    }
+
+    fn look_into_containers(&mut self) -> Result<Vec<Point3<f64>>, WorkcellError> {
+        let mut table = self.0.borrow_mut();
+        table.looks += 1;
+        let scene = table.simulation.scene();
+        let mut points = Vec::new();
+        for camera in scene.basket_cameras() {
+            let noise = DepthNoise {
+                seed: table.looks,
+                ..DepthNoise::default()
+            };
+            let depth = table.renderer.depth(scene, &camera, &noise);
+            for (index, metres) in depth.metres.iter().enumerate() {
+                if *metres > 0.0 {
+                    let pixel = [index % depth.width, index / depth.width].map(|at| at as f64);
+                    let ray = camera.lens.direction(pixel) * f64::from(*metres);
+                    points.push(camera.pose * Point3::from(ray));
+                }
+            }
+        }
+        Ok(points)
     }
 
     fn hold(&mut self) -> Result<(), WorkcellError> {

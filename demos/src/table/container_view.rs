@@ -1,0 +1,122 @@
+//! What depth sensors on the network see in the containers.
+
+use std::time::{Duration, Instant};
+
+use nalgebra::Point3;
+use yarp_client::{Camera, Network};
+use yarp_devices::FrameGrabberImage as _;
+use yarp_table::{DEPTH_FROM, DEPTH_STEP, Scene};
+
+/// Maximum wait for images that are newer than a request: without them the heights are estimates.
+const IMAGE_TIMEOUT: Duration = Duration::from_secs(5);
+/// Images of each camera that a request waits for: the first may have been under way when it came.
+const NEW_IMAGES: u64 = 2;
+/// Interval between two looks for a new image.
+const POLL_INTERVAL: Duration = Duration::from_millis(5);
+
+/// Depth sensors above the containers of a table.
+#[derive(Debug)]
+pub struct ContainerView {
+    cameras: Vec<(Camera, yarp_table::Camera)>,
+}
+
+impl ContainerView {
+    /// Names of the sensors' ports, after the prefix of the table.
+    pub const NAMES: [&'static str; 2] = ["baskets/right", "baskets/left"];
+
+    /// Connects to the sensors of a table.
+    ///
+    /// Errors: those of [`Camera::connect_on`].
+    pub fn connect(network: &Network, prefix: &str) -> yarp_client::Result<Self> {
+        let places = Scene::empty().basket_cameras();
+        let cameras = Self::NAMES.iter().zip(places).map(|(name, place)| {
+            let camera = Camera::connect_on(network, &format!("{prefix}/{name}"))?;
+            Ok((camera, place))
+        });
+        Ok(Self {
+            cameras: cameras.collect::<yarp_client::Result<_>>()?,
+        })
+    }
+
+    /// Returns points on the surfaces that the sensors see now; none of a sensor that delivers nothing new.
+    pub fn look(&mut self) -> Vec<Point3<f64>> {
+        let numbers: Vec<Option<u64>> = self
+            .cameras
+            .iter()
+            .map(|(camera, _)| camera.image().ok().map(|frame| frame.number))
+            .collect();
+        let mut points = Vec::new();
+        for ((camera, place), seen) in self.cameras.iter().zip(numbers) {
+            match newer(camera, seen.unwrap_or(0)) {
+                Some(grey) => add_points(&grey, place, &mut points),
+                None => tracing::warn!(
+                    camera = camera.remote(),
+                    "no new depth image; the heights in the containers are estimates"
+                ),
+            }
+        }
+        points
+    }
+}
+
+/// Returns a depth image that was taken after the one with this number.
+fn newer(camera: &Camera, seen: u64) -> Option<yarp_devices::image::Image> {
+    let start = Instant::now();
+    while start.elapsed() < IMAGE_TIMEOUT {
+        match camera.image() {
+            Ok(frame) if frame.number >= seen + NEW_IMAGES => {
+                return frame.to_mono().ok().map(|frame| frame.image);
+            }
+            _ => std::thread::sleep(POLL_INTERVAL),
+        }
+    }
+    None
+}
+
+/// Adds the points of a grey depth image, whose value 0 is no measurement.
+fn add_points(
+    grey: &yarp_devices::image::Image,
+    place: &yarp_table::Camera,
+    points: &mut Vec<Point3<f64>>,
+) {
+    // Another size is that of another sensor, whose directions are not known.
+    if [grey.width(), grey.height()] != [place.lens.width, place.lens.height] {
+        return;
+    }
+    for (index, value) in grey.pixels().iter().enumerate() {
+        if *value > 0 {
+            let pixel = [index % grey.width(), index / grey.width()].map(|at| at as f64);
+            let depth = f64::from(DEPTH_FROM + DEPTH_STEP * f32::from(*value));
+            points.push(place.pose * Point3::from(place.lens.direction(pixel) * depth));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use yarp_devices::image::{Image, PixelFormat};
+
+    use super::*;
+
+    #[test]
+    fn grey_values_become_points_and_other_images_none() {
+        let place = Scene::empty().basket_cameras()[0];
+        let [width, height] = [place.lens.width, place.lens.height];
+        let mut values = vec![0; width * height];
+        let middle = height / 2 * width + width / 2;
+        values[middle] = 200;
+        let image = |width, height, values| Image::new(PixelFormat::Mono, width, height, values);
+        let mut points = Vec::new();
+        add_points(&image(width, height, values).unwrap(), &place, &mut points);
+        let [point] = points[..] else {
+            panic!("{points:?}");
+        };
+        let camera = place.pose.translation.vector;
+        // 0.25 m + 200 * 0.003 m below the camera.
+        assert!((point.z - (camera.z - 0.85)).abs() < 1e-4, "{point}");
+        assert!((point.coords - camera).xy().norm() < 0.005, "{point}");
+        points.clear();
+        add_points(&image(2, 2, vec![200; 4]).unwrap(), &place, &mut points);
+        assert!(points.is_empty());
+    }
+}
