@@ -56,6 +56,31 @@ fn listeners_now(port: u16) -> Vec<String> {
 const LOOPBACK: &str = "0100007F";
 const EVERYWHERE: &str = "00000000";
 
+/// A robot of one arm that moves, and its server, in TOML.
+const ROBOT: &str = r#"
+[robot]
+name = "one"
+portprefix = "/one"
+[[device]]
+name = "arm"
+type = "simulatedWam"
+[[device]]
+name = "arm_nws"
+type = "controlBoard_nws_yarp"
+params = { name = "/one/arm", period = 0.05 }
+action = [
+  { phase = "startup", level = 5, type = "attach", params = { networks = ["all_of_it"], all_of_it = "arm" } },
+  { phase = "shutdown", level = 5, type = "detach" },
+]
+"#;
+
+/// Writes the robot into a folder; returns the command that runs it.
+fn robotinterface(folder: &std::path::Path) -> String {
+    let file = folder.join("robot.toml");
+    std::fs::write(&file, ROBOT).unwrap();
+    format!("robotinterface --config {}", file.display())
+}
+
 #[track_caller]
 fn listens_where_it_is_told(line: &str, port: &str) {
     let home = Home::new();
@@ -82,6 +107,12 @@ fn dev_listens_where_it_is_told() {
 }
 
 #[test]
+fn robotinterface_listens_where_it_is_told() {
+    let folder = Home::new();
+    listens_where_it_is_told(&robotinterface(folder.path()), "/one/arm/rpc:i");
+}
+
+#[test]
 fn a_camera_listens_where_it_is_told() {
     listens_where_it_is_told("camera", "/grabber");
 }
@@ -99,13 +130,13 @@ fn a_network_of_its_own_is_on_loopback_if_told() {
     assert_eq!(listeners(home.server_port()), [LOOPBACK]);
     assert_eq!(listeners(place(&home, "/wam/rpc:i").1), [LOOPBACK]);
     let ended = up.signal("TERM").finish().with(0);
-    assert!(!warns(&ended.err), "{:?}", ended.err);
+    assert_eq!(warnings(&ended.err), 0, "{:?}", ended.err);
 }
 
-fn warns(lines: &[String]) -> bool {
-    lines
-        .iter()
-        .any(|line| line.contains("can move it: add a key"))
+/// The number of warnings of a device that others can move.
+fn warnings(lines: &[String]) -> usize {
+    let warning = |line: &&String| line.contains("can move it: add a key");
+    lines.iter().filter(warning).count()
 }
 
 #[test]
@@ -117,13 +148,24 @@ fn who_may_move_an_arm_is_told() {
         let serving = home.start(line).see(ready);
         // The warning is on the other stream, and before the end.
         let ended = serving.signal("TERM").finish().with(0);
-        assert_eq!(warns(&ended.err), expected, "{line}: {ended:?}");
+        assert_eq!(
+            warnings(&ended.err),
+            usize::from(expected),
+            "{line}: {ended:?}"
+        );
     };
     check("up --bind 0.0.0.0", "Ctrl-C ends it.", true);
     check("up --bind 127.0.0.1", "Ctrl-C ends it.", false);
     let dev = "dev --device simulatedWam --name /wam --bind";
     check(&format!("{dev} 0.0.0.0"), "device active", true);
     check(&format!("{dev} 127.0.0.1"), "device active", false);
+    let robot = robotinterface(home.path());
+    check(&format!("{robot} --bind 0.0.0.0"), "running happily", true);
+    check(
+        &format!("{robot} --bind 127.0.0.1"),
+        "running happily",
+        false,
+    );
     std::fs::write(&roles, "[everybody]\nports /*\nrights all\n").unwrap();
     check("up --bind 0.0.0.0", "Ctrl-C ends it.", false);
 }
@@ -254,18 +296,20 @@ fn serving_commands_tell_the_service_manager() {
 /// 1008 connections that said nothing kept everybody out.
 #[test]
 fn serving_commands_take_all_descriptors_they_may() {
-    for line in ["up", "camera", "dev --device simulatedWam --name /wam"] {
+    let folder = Home::new();
+    let robot = robotinterface(folder.path());
+    for (line, port) in [
+        ("up", "/wam/rpc:i"),
+        ("camera", "/grabber"),
+        ("dev --device simulatedWam --name /wam", "/wam/rpc:i"),
+        (robot.as_str(), "/one/arm/rpc:i"),
+    ] {
         let home = Home::new();
         let _server = home.serve();
         let serving = shell(
             &home,
             &format!("ulimit -Sn 128; ulimit -Hn 512; exec \"$0\" {line}"),
         );
-        let port = if line == "camera" {
-            "/grabber"
-        } else {
-            "/wam/rpc:i"
-        };
         place(&home, port);
         let limits = std::fs::read_to_string(format!("/proc/{}/limits", serving.id())).unwrap();
         let row = limits

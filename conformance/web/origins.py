@@ -7,7 +7,7 @@ ports, at loopback and at another address of this machine. Each tries everything
 address (images, frames, forms, scripts, fetch, beacons, web sockets) with a port that reads, one that answers, one that shows pictures, the name
 server and a launcher of programs, at loopback and at the other address. A page under a name that was made to point
 to the port (DNS rebinding) tries the same with its own origin. Then the ports' own pages, the name server's page, the
-links between them and a page of an allowed origin have to work. Prints `ok WHAT` per step and ends with 1 at
+links between them and a page of an allowed origin have to work, and what the foreign pages did has to read and deliver from there. Prints `ok WHAT` per step and ends with 1 at
 the first that fails. Every wait has a deadline, and no process is left behind.
 
 Needs Debian's chromium and chromium-driver, an address that is not loopback, and only Python's standard library.
@@ -334,6 +334,18 @@ def allowed(browser, sink, numbers, page, hosts):
         check(f"and opens a socket at {host}", opened is True, opened)
 
 
+def control(browser, sink, numbers, page):
+    """What foreign pages do is enough: from a page of an allowed origin it reads and delivers."""
+    numbers = {kind: numbers[kind] for kind in ["sink", "echo"]}
+    browser.open(page)
+    read = browser.later(ATTACK, aims("localhost", numbers, ""), list(block("D") + text("stolen")))
+    for way in ["fetch", "socket"]:
+        check(f"what foreign pages do reads by {way} from an allowed page", any(line.startswith(way) for line in read), read)
+    sink.expect("set pos 0 21")
+    sink.expect("stolen")
+    check("and it delivers forms and frames", True)
+
+
 def programs(sink, numbers, hosts):
     """Programs send and ask as with stock, whatever browsers may."""
     for host in hosts:
@@ -378,6 +390,7 @@ def main():
             own(world, browser, sink, numbers, hosts)
             # The example knows no configuration.
             allowed(browser, sink, numbers, friend, hosts)
+            control(browser, sink, numbers, friend)
             programs(sink, numbers, ["127.0.0.1", *hosts])
     except AssertionError as failure:
         print(f"FAIL {failure}", flush=True)

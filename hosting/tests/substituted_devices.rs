@@ -106,7 +106,7 @@ fn names(stage: &Stage) -> Vec<String> {
     names
 }
 
-/// The names of ports are those of stock for the same servers.
+/// The names of ports are those of stock for the same servers; `async:o` and `stop/rpc:i` are added to them.
 #[test]
 fn a_robot_with_fakes_starts_completely() {
     let stage = Stage::new();
@@ -128,6 +128,7 @@ fn a_robot_with_fakes_starts_completely() {
         "/bot/arm/rpc:i",
         "/bot/arm/state:o",
         "/bot/arm/stateExt:o",
+        "/bot/arm/stop/rpc:i",
         "/bot/skin/forearm",
         "/bot/skin/forearm/rpc:i",
         "/bot/skin/hand",
