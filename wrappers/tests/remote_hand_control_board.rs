@@ -41,17 +41,14 @@ fn a_finger_is_moved(wire_version: WireVersion) {
         .position_move(SECOND, &[40.0])
         .expect("it is allowed");
     let encoders = hand.encoders().expect("it has encoders");
+    // The finger itself too: on a busy machine it passes its target once and comes back.
     eventually("the finger at 40 degrees", || {
         encoders
             .encoder_readings(SECOND)
             .is_ok_and(|readings| (readings[0].position - 40.0).abs() < 0.3)
+            && (there.positions()[1] - 5000.0).abs() < 50.0
     });
-    // It is the finger itself that moved, and no other.
-    let [first, second, ..] = there.positions();
-    assert!(
-        first == 0.0 && (second - 5000.0).abs() < 50.0,
-        "{first} {second}"
-    );
+    assert_eq!(there.positions()[0], 0.0, "no other finger moves");
     assert!(position.position_move(SECOND, &[141.0]).is_err());
     let motion = hand
         .position_move_numbered(SECOND, &[20.0])
