@@ -13,6 +13,12 @@ running=()
 server=yarp-s-$$ left=yarp-l-$$ right=yarp-r-$$
 clean() {
     kill "${running[@]}" 2>/dev/null || true
+    # A stock reader may not end when it is asked to.
+    for _ in $(seq 50); do
+        kill -0 "${running[@]}" 2>/dev/null || break
+        sleep 0.1
+    done
+    kill -KILL "${running[@]}" 2>/dev/null || true
     wait "${running[@]}" 2>/dev/null || true
     for space in "$server" "$left" "$right"; do ip netns del "$space" 2>/dev/null || true; done
     rm -rf "$work"

@@ -62,6 +62,8 @@ impl Victim {
         };
         let served = async {
             let arm = victim.served("/wam/rpc:i").await?;
+            // The last of the board's ports.
+            victim.served("/wam/stateExt:o").await?;
             Ok::<_, Failure>((arm, victim.served("/wam/view/in:i").await?))
         };
         let served = tokio::time::timeout(START_TIMEOUT, served).await;
