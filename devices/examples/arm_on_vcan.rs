@@ -42,14 +42,7 @@ fn main() -> std::process::ExitCode {
     for (name, scenario) in scenarios {
         run(name.to_owned(), &scenario);
     }
-    let number = |name: &str, default: u64| {
-        let asked = std::env::var(name).ok();
-        asked
-            .and_then(|asked| asked.parse().ok())
-            .unwrap_or(default)
-    };
-    let first = number("YARP_CAN_FIRST_HISTORY", 0);
-    for seed in first..first.saturating_add(number("YARP_CAN_HISTORIES", 2)) {
+    for seed in can::histories::seeds(2) {
         let record = std::env::temp_dir().join(format!("history{seed}"));
         let live = |rig: &dyn can::Rig| can::histories::live(rig, seed, record.clone());
         run(format!("history {seed}"), &live);

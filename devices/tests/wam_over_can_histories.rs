@@ -8,7 +8,7 @@ use std::thread;
 
 use crate::can;
 
-use can::histories::live;
+use can::histories::{live, seeds};
 use can::memory::Memory;
 
 /// Histories that live at a time: each waits nearly all the time.
@@ -16,21 +16,14 @@ const WORKERS: usize = 10;
 
 #[test]
 fn no_history_makes_the_driver_believe_a_false_position() {
-    let number = |name: &str, default: u64| {
-        let asked = std::env::var(name).ok();
-        asked
-            .and_then(|asked| asked.parse().ok())
-            .unwrap_or(default)
-    };
-    let first = number("YARP_CAN_FIRST_HISTORY", 0);
-    let end = first.saturating_add(number("YARP_CAN_HISTORIES", 20));
-    let next = AtomicU64::new(first);
+    let seeds = seeds(20);
+    let next = AtomicU64::new(seeds.start);
     thread::scope(|scope| {
         for _ in 0..WORKERS {
             scope.spawn(|| {
                 loop {
                     let seed = next.fetch_add(1, Ordering::Relaxed);
-                    if seed >= end {
+                    if seed >= seeds.end {
                         return;
                     }
                     let record = format!("history{seed}");

@@ -2,9 +2,11 @@
 
 mod support;
 
+use nalgebra::Vector3;
 use support::{Shared, SimulatedCell, item, shared};
+use yarp_devices::kinematics::Joints;
 use yarp_manipulation::{
-    Item, PickError, Picker, PickerOptions, Step, Stop, Surroundings, Workcell,
+    Item, PickError, Picker, PickerOptions, Step, Stop, Surroundings, Workcell, WorkcellError,
 };
 use yarp_table::{Finish, Scene, Shape, SimulationOptions, arm_model};
 
@@ -141,90 +143,33 @@ fn fingers_that_close_on_nothing_are_noticed() {
     );
 }
 
-/// A cell that presses the stop button, or breaks, once the object is this high.
-struct Trigger {
+/// A cell in which something happens before each set point.
+struct Disturbed<F> {
     cell: SimulatedCell,
-    height: f64,
-    stop: Option<Stop>,
-    broken: bool,
+    before: F,
 }
 
-impl Workcell for Trigger {
-    fn prepare(&mut self) -> Result<(), yarp_manipulation::WorkcellError> {
+impl<F: FnMut(&Shared)> Workcell for Disturbed<F> {
+    fn prepare(&mut self) -> Result<(), WorkcellError> {
         self.cell.prepare()
     }
-    fn joints(
-        &mut self,
-    ) -> Result<yarp_devices::kinematics::Joints<7>, yarp_manipulation::WorkcellError> {
+    fn joints(&mut self) -> Result<Joints<7>, WorkcellError> {
         self.cell.joints()
     }
-    fn command(
-        &mut self,
-        joints: &yarp_devices::kinematics::Joints<7>,
-    ) -> Result<(), yarp_manipulation::WorkcellError> {
-        if height(&self.cell.0) > self.height {
-            match &self.stop {
-                Some(stop) => stop.halt(),
-                None if !self.broken => {
-                    self.broken = true;
-                    self.cell.0.borrow_mut().fails_after = Some(0);
-                }
-                None => {}
-            }
-        }
+    fn command(&mut self, joints: &Joints<7>) -> Result<(), WorkcellError> {
+        (self.before)(&self.cell.0);
         self.cell.command(joints)
     }
-    fn wait(&mut self, seconds: f64) -> Result<(), yarp_manipulation::WorkcellError> {
+    fn wait(&mut self, seconds: f64) -> Result<(), WorkcellError> {
         self.cell.wait(seconds)
     }
-    fn command_hand(&mut self, line: &str) -> Result<String, yarp_manipulation::WorkcellError> {
+    fn command_hand(&mut self, line: &str) -> Result<String, WorkcellError> {
         self.cell.command_hand(line)
     }
-    fn fingers(&mut self) -> Result<[f64; 4], yarp_manipulation::WorkcellError> {
+    fn fingers(&mut self) -> Result<[f64; 4], WorkcellError> {
         self.cell.fingers()
     }
-    fn hold(&mut self) -> Result<(), yarp_manipulation::WorkcellError> {
-        self.cell.hold()
-    }
-}
-
-/// A cell that takes the object away once it is somewhere.
-struct Thief {
-    cell: SimulatedCell,
-    takes: fn(&nalgebra::Vector3<f64>) -> bool,
-}
-
-impl Workcell for Thief {
-    fn prepare(&mut self) -> Result<(), yarp_manipulation::WorkcellError> {
-        self.cell.prepare()
-    }
-    fn joints(
-        &mut self,
-    ) -> Result<yarp_devices::kinematics::Joints<7>, yarp_manipulation::WorkcellError> {
-        self.cell.joints()
-    }
-    fn command(
-        &mut self,
-        joints: &yarp_devices::kinematics::Joints<7>,
-    ) -> Result<(), yarp_manipulation::WorkcellError> {
-        let mut pose = self.cell.0.borrow().simulation.scene().objects[0].pose;
-        if (self.takes)(&pose.translation.vector) {
-            let mut table = self.cell.0.borrow_mut();
-            pose.translation.vector = nalgebra::Vector3::new(0.75, 0.25, -0.01);
-            table.simulation.place(0, pose);
-        }
-        self.cell.command(joints)
-    }
-    fn wait(&mut self, seconds: f64) -> Result<(), yarp_manipulation::WorkcellError> {
-        self.cell.wait(seconds)
-    }
-    fn command_hand(&mut self, line: &str) -> Result<String, yarp_manipulation::WorkcellError> {
-        self.cell.command_hand(line)
-    }
-    fn fingers(&mut self) -> Result<[f64; 4], yarp_manipulation::WorkcellError> {
-        self.cell.fingers()
-    }
-    fn hold(&mut self) -> Result<(), yarp_manipulation::WorkcellError> {
+    fn hold(&mut self) -> Result<(), WorkcellError> {
         self.cell.hold()
     }
 }
@@ -232,7 +177,7 @@ impl Workcell for Thief {
 /// A loss was not noticed: the arm carried nothing to the basket and counted it as released.
 #[test]
 fn an_object_that_is_lost_on_the_way_is_noticed() {
-    let high: fn(&nalgebra::Vector3<f64>) -> bool = |place| place.z > 0.06;
+    let high: fn(&Vector3<f64>) -> bool = |place| place.z > 0.06;
     for (takes, step) in [
         (high, Step::Lift),
         (|place| place.y < -0.1, Step::Transport),
@@ -244,9 +189,15 @@ fn an_object_that_is_lost_on_the_way_is_noticed() {
             0.55,
             0.05,
         );
-        let cell = Thief {
+        let cell = Disturbed {
             cell: SimulatedCell(table.clone()),
-            takes,
+            before: |table: &Shared| {
+                let mut pose = table.borrow().simulation.scene().objects[0].pose;
+                if takes(&pose.translation.vector) {
+                    pose.translation.vector = Vector3::new(0.75, 0.25, -0.01);
+                    table.borrow_mut().simulation.place(0, pose);
+                }
+            },
         };
         let mut picker = Picker::new(
             cell,
@@ -274,11 +225,21 @@ fn interrupted(stop: Option<Stop>) -> PickError {
         0.05,
     );
     let button = stop.clone().unwrap_or_default();
-    let cell = Trigger {
+    let mut broken = false;
+    let cell = Disturbed {
         cell: SimulatedCell(table.clone()),
-        height: 0.06,
-        stop,
-        broken: false,
+        before: move |table: &Shared| {
+            if height(table) > 0.06 {
+                match &stop {
+                    Some(stop) => stop.halt(),
+                    None if !broken => {
+                        broken = true;
+                        table.borrow_mut().fails_after = Some(0);
+                    }
+                    None => {}
+                }
+            }
+        },
     };
     let options = PickerOptions::default();
     let mut picker = Picker::new(cell, arm_model(), Surroundings::default(), options, button)

@@ -125,7 +125,7 @@ pub enum ServoError {
         "no image has shown {what} for {seconds:.1} s; check camera, light and view, then approach again"
     )]
     Lost {
-        /// What was missing last.
+        /// Tool or goal, whichever was missing last.
         what: &'static str,
         /// Time since the last image with both, s.
         seconds: f64,

@@ -1,4 +1,4 @@
-//! What depth sensors on the network see in the containers.
+//! Measures the containers by depth sensors on the network.
 
 use std::time::{Duration, Instant};
 

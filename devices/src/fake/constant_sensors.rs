@@ -31,7 +31,7 @@ pub struct ConstantSensors {
 }
 
 impl ConstantSensors {
-    /// No sensors but `channels` channels, which is also the length of arrays and skin patches.
+    /// Creates `channels` channels and no other sensors; arrays and skin patches have this length too.
     pub fn new(channels: usize) -> Self {
         Self {
             channels,

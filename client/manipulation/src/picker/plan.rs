@@ -325,8 +325,7 @@ fn release_pose(item: &Item, grasp: &Grasp, filling: &Filling, angle: f64, spot:
     let bottom = item.pose.translation.z - item.shape.height() / 2.0;
     let room = spot.half.map(|half| half + FINGER_ROOM);
     let around = container.bottom[2] + filling.level(spot.offset, room);
-    let tips = item.pose.translation.z - item.shape.height() / 2.0;
-    let tips = grasp.hand.translation.z - grasp.depth - tips;
+    let tips = grasp.hand.translation.z - grasp.depth - bottom;
     // Fingertips beside a tall object are above its bottom, and clear of what is around it sooner.
     let under = container.bottom[2] + spot.level;
     let below = container.rim().max(under).max(around - tips);

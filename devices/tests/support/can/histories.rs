@@ -1,6 +1,7 @@
 //! Random histories of an arm on a bus: whatever happens to power, pucks, bus and driver, the driver believes no false
 //! position, nothing moves without the pendant, and activation moves nothing.
 
+use std::ops::Range;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -21,6 +22,18 @@ const MAX_ACTIVATION_MOTION: f64 = 0.5;
 /// Error with which a person folds the arm, rad.
 const FOLDING_ERROR: f64 = 0.01;
 const EVENTS: u32 = 8;
+
+/// Returns the seeds that `YARP_CAN_FIRST_HISTORY` and `YARP_CAN_HISTORIES` select, without them the first `count`.
+pub fn seeds(count: u64) -> Range<u64> {
+    let number = |name: &str, default: u64| {
+        let asked = std::env::var(name).ok();
+        asked
+            .and_then(|asked| asked.parse().ok())
+            .unwrap_or(default)
+    };
+    let first = number("YARP_CAN_FIRST_HISTORY", 0);
+    first..first.saturating_add(number("YARP_CAN_HISTORIES", count))
+}
 
 /// A generator of numbers, the same for the same seed.
 struct Chance(u64);
