@@ -5,12 +5,13 @@ use std::process::ExitCode;
 
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser};
+use yarp_ports::port_limits::{PARSED_BYTES_OF_SERVERS, ProcessLimits};
 use yarp_wrappers::network_time;
 
 use crate::commands::Command;
 use crate::error::Result;
 use crate::stock_format::complain;
-use crate::{open_file_limit, output};
+use crate::{allocator, open_file_limit, output};
 
 /// Exit code for an unknown command, as in stock.
 const NO_SUCH_COMMAND: u8 = 255;
@@ -78,6 +79,10 @@ pub(crate) async fn run(
             if cli.command.serves() {
                 output::serve();
                 open_file_limit::raise_limit();
+                allocator::bound_arenas();
+                ProcessLimits::current()
+                    .with_parsed_bytes(PARSED_BYTES_OF_SERVERS)
+                    .apply();
             }
             let result = cli.command.run(prefixes, out).await;
             // Does nothing unless the command followed a clock.

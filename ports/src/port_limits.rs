@@ -12,6 +12,7 @@
 //! | each step of the handshake of keys | 2 s | - |
 //! | bytes of incomplete messages beyond 1 MiB each, all connections together | 1.5 GiB | [`ProcessLimits::incoming_bytes`] |
 //! | bytes that compressed messages, until they are dropped, and pictures, while they are decoded, expand to, all together | 48 MiB | [`ProcessLimits::expanded_bytes`] |
+//! | bytes of the values of messages above 64 KiB that are read as bottles, until the messages are dropped, all together | 256 MiB; `yarp up` and other servers 16 MiB | [`ProcessLimits::parsed_bytes`] |
 //! | expansions at a time | half of the processors | - |
 //! | monitors of a connection; of these, expansions | 16; 1 | - |
 //! | properties of a port | 1024, 64 KiB in all | - |
@@ -54,6 +55,10 @@ pub const ACCEPT_LOG_INTERVAL: Duration = Duration::from_secs(60);
 const INCOMING_BYTES: usize = 3 << 29;
 /// Bytes of expanded messages unless told otherwise: a 4K image in float depths, and some.
 const EXPANDED_BYTES: usize = 48 << 20;
+/// Bytes of the values of messages unless told otherwise: a bottle of as many values as may be, and some.
+const PARSED_BYTES: usize = 256 << 20;
+/// The same for programs that serve devices or names, which take no such bottles.
+pub const PARSED_BYTES_OF_SERVERS: usize = 16 << 20;
 
 /// Limits that all ports of the process share.
 ///
@@ -79,6 +84,9 @@ pub struct ProcessLimits {
     /// Bytes that compressed messages and pictures are expanded to, all together: messages until their readers have
     /// dropped them, pictures while they are decoded. A decoded picture waits in the queue of its reader as any message.
     pub expanded_bytes: usize,
+    /// Bytes that the values of messages take that were read as bottles, all together: each until the message is dropped.
+    /// Only messages of more than 64 KiB count.
+    pub parsed_bytes: usize,
 }
 
 impl Default for ProcessLimits {
@@ -89,6 +97,7 @@ impl Default for ProcessLimits {
             header_timeout: HEADER_TIMEOUT,
             incoming_bytes: INCOMING_BYTES,
             expanded_bytes: EXPANDED_BYTES,
+            parsed_bytes: PARSED_BYTES,
         }
     }
 }
@@ -100,6 +109,7 @@ static CONNECTIONS: AtomicUsize = AtomicUsize::new(DERIVED);
 static DATAGRAM_INPUTS: AtomicUsize = AtomicUsize::new(DERIVED);
 static HEADER_MILLIS: AtomicU64 = AtomicU64::new(HEADER_TIMEOUT.as_millis() as u64);
 static INCOMING: AtomicUsize = AtomicUsize::new(INCOMING_BYTES);
+static PARSED: AtomicUsize = AtomicUsize::new(PARSED_BYTES);
 static EXPANDED: AtomicUsize = AtomicUsize::new(EXPANDED_BYTES);
 
 impl ProcessLimits {
@@ -114,6 +124,7 @@ impl ProcessLimits {
             header_timeout: header_timeout(),
             incoming_bytes: INCOMING.load(Ordering::Relaxed),
             expanded_bytes: EXPANDED.load(Ordering::Relaxed),
+            parsed_bytes: PARSED.load(Ordering::Relaxed),
         }
     }
 
@@ -128,6 +139,7 @@ impl ProcessLimits {
         HEADER_MILLIS.store(millis, Ordering::Relaxed);
         INCOMING.store(self.incoming_bytes, Ordering::Relaxed);
         EXPANDED.store(self.expanded_bytes, Ordering::Relaxed);
+        PARSED.store(self.parsed_bytes, Ordering::Relaxed);
     }
 
     /// Returns the same limits with another number of incoming connections.
@@ -157,6 +169,12 @@ impl ProcessLimits {
     /// Returns the same limits with other bytes of expanded messages.
     pub fn with_expanded_bytes(mut self, bytes: usize) -> Self {
         self.expanded_bytes = bytes;
+        self
+    }
+
+    /// Returns the same limits with other bytes of the values of messages.
+    pub fn with_parsed_bytes(mut self, bytes: usize) -> Self {
+        self.parsed_bytes = bytes;
         self
     }
 }
@@ -210,6 +228,12 @@ pub(crate) static INCOMING_BUDGET: Budget = Budget {
     used: AtomicUsize::new(0),
 };
 
+/// Budget of the values that large messages are read as.
+pub(crate) static PARSED_BUDGET: Budget = Budget {
+    limit: &PARSED,
+    used: AtomicUsize::new(0),
+};
+
 /// Budget of expanded messages and pictures.
 #[cfg(any(feature = "jpeg", feature = "zlib"))]
 pub(crate) static EXPANSION_BUDGET: Budget = Budget {
@@ -236,6 +260,11 @@ pub(crate) struct Reservation {
 }
 
 impl Reservation {
+    /// Returns the number of bytes.
+    pub(crate) fn bytes(&self) -> usize {
+        self.bytes
+    }
+
     /// Makes it one of at least so many bytes; tells whether they were left.
     pub(crate) fn grow_to(&mut self, bytes: usize) -> bool {
         let more = bytes.saturating_sub(self.bytes);

@@ -88,6 +88,11 @@ impl Dispatcher {
         Some(received)
     }
 
+    /// Returns whether the owner reads messages as they are dispatched.
+    pub(super) fn reads_at_once(&self) -> bool {
+        matches!(self.port.options.input, Input::Handler(_))
+    }
+
     /// Returns whether messages that arrive have more to pass than the owner's queue.
     pub(super) fn is_watched(&self) -> bool {
         self.connections.is_logged() || self.attached_in.is_attached()

@@ -1,16 +1,21 @@
 //! Serving of HTTP requests.
 
+use std::sync::OnceLock;
+
 use bytes::{Bytes, BytesMut};
 use yarp_wire::connection::Message;
 use yarp_wire::http::bottle_json::{self, Outer};
-use yarp_wire::http::{Action, Admission, Refusal, Request, Response, Who, html_page};
+use yarp_wire::http::{
+    Action, Admission, MAX_VALUES_SIZE, Refusal, Request, Response, Who, html_page,
+};
 use yarp_wire::message::{Command, Form, Payload};
 use yarp_wire::protocol::{Incoming, Protocol as _, TEXT_LINES};
 use yarp_wire::{Bottle, Limits, Value, WireVersion};
 
 use super::input::{Connection, End, Next};
+use super::large_messages::{read_bottle, reserve_large};
 use super::port_options::Page;
-use super::received_message::{Received, long_work};
+use super::received_message::Received;
 use crate::roles::Right;
 
 /// Most answers on one page, in bytes.
@@ -35,7 +40,10 @@ impl Connection {
                 .iter()
                 .map(|(_, value)| value.len())
                 .sum::<usize>();
-        let action = long_work(size, || Action::of(&request));
+        let Ok(_reservation) = reserve_large(size, || MAX_VALUES_SIZE) else {
+            return self.respond(&Response::busy(), &request);
+        };
+        let action = self.large(size, || Action::of(&request)).await;
         // Any page can have a browser ask for any address.
         if request.admission.may_only_view() && !action.only_views() {
             return self.respond(&Response::refused(&Refusal::ViewOnly), &request);
@@ -65,7 +73,9 @@ impl Connection {
                     Who::Port => self.administer(&message).await.to_string(),
                     _ => self.ask_owner(message.to_text()).await,
                 };
-                match long_work(reply.len(), || Reply::of(&reply, json, admission)) {
+                let length = reply.len();
+                let read = || Reply::of(&reply, json, admission);
+                match self.large(length, read).await {
                     Reply::Whole(response) => response,
                     Reply::Stream(_) if !self.may(Right::Read) => {
                         return self.refuse_page(&request, Right::Read);
@@ -76,6 +86,7 @@ impl Connection {
                     }
                 }
             }
+            Action::TooLarge => return self.respond(&Response::too_large(), &request),
             Action::Read => {
                 let head = html_page::stream_head(&self.parts.context.name, admission);
                 self.output.extend_from_slice(head.as_bytes());
@@ -119,8 +130,8 @@ impl Connection {
                 }
                 Command::Data { .. } => answers += &self.ask_owner(payload.bytes()).await,
                 Command::Admin => {
-                    let request =
-                        long_work(payload.len(), || payload.to_bottle()).unwrap_or_default();
+                    let read = || read_bottle(&payload).unwrap_or_default();
+                    let (request, _reservation) = self.large(payload.len(), read).await;
                     answers += &self.administer(&request).await.to_string();
                 }
                 command => match self.execute(command).await {
@@ -175,6 +186,7 @@ impl Connection {
             wants_reply: true,
             responder: None,
             connection: self.number,
+            reservation: OnceLock::new(),
         };
         let (reply, _) = self.deliver(received).await;
         let mut text = BytesMut::new();
@@ -197,7 +209,12 @@ impl Reply {
     /// body, `mime` its type, and with `stream` it continues. A reply without these keys is
     /// returned unchanged.
     fn of(reply: &str, json: Option<Outer>, admission: &Admission) -> Self {
-        let bottle = Bottle::parse(reply).unwrap_or_default();
+        // A reply of so many values is no page of the owner's.
+        let size = || Bottle::max_parsed_size(reply.as_bytes());
+        let bottle = match reserve_large(reply.len(), size) {
+            Ok(_reservation) => Bottle::parse(reply).unwrap_or_default(),
+            Err(_) => Bottle::new(),
+        };
         let text = |key: &str| bottle.find(key).map(Value::to_plain_string);
         let mime = text("mime");
         if let Some(outer) = json {

@@ -6,7 +6,7 @@
 
 use std::collections::HashMap;
 use std::net::{IpAddr, Ipv4Addr};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, Weak};
 
 use yarp_wire::carrier::{Carrier, CarrierSpec, Sender};
 use yarp_wire::message::WireObject;
@@ -177,6 +177,7 @@ impl Local {
             address: IpAddr::V4(Ipv4Addr::LOCALHOST),
             wants_reply: parcel.wants_reply,
             responder: None,
+            reservation: OnceLock::new(),
             connection: self.entry.id,
         };
         let monitors = self.monitors.as_ref();

@@ -16,6 +16,7 @@ use yarp_wire::{Bottle, Limits, Vocab32, WireVersion};
 
 use super::PortError;
 use super::encode_once::Encoded;
+use super::large_messages::read_bottle;
 use super::output::Output;
 use super::received_message::{Received, Reply};
 
@@ -62,7 +63,7 @@ impl LoggedMessage {
     }
 
     fn with(&self, reply: &Reply) -> Bottle {
-        let request = self.payload.to_bottle().unwrap_or_default();
+        let (request, _reservation) = read_bottle(&self.payload).unwrap_or_default();
         let mut bytes = BytesMut::new();
         reply.write_binary(&mut bytes, WireVersion::V4);
         let reply = Bottle::decode(&bytes.freeze(), WireVersion::V4, Limits::DEFAULT);
@@ -91,8 +92,8 @@ impl WireObject for Content<'_> {
         let bytes = match self.0.wire_version() == wire_version {
             true => as_it_came(),
             // Content that is not a bottle has no wire version.
-            false => match self.0.to_bottle() {
-                Ok(bottle) => Ok(bottle.encode(wire_version)),
+            false => match read_bottle(self.0) {
+                Ok((bottle, _reservation)) => Ok(bottle.encode(wire_version)),
                 Err(_) => as_it_came(),
             },
         };
@@ -100,7 +101,8 @@ impl WireObject for Content<'_> {
     }
 
     fn write_text(&self, out: &mut BytesMut) {
-        self.0.to_bottle().unwrap_or_default().write_text(out);
+        let (bottle, _reservation) = read_bottle(self.0).unwrap_or_default();
+        bottle.write_text(out);
     }
 }
 

@@ -5,7 +5,7 @@
 
 use std::io;
 use std::net::{IpAddr, Ipv4Addr};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use bytes::BytesMut;
 use tokio::task::yield_now;
@@ -206,6 +206,7 @@ impl Pull {
             connection: self.connection,
             wants_reply: false,
             responder: None,
+            reservation: OnceLock::new(),
         };
         // Replies are impossible.
         let monitors = self.monitors.as_ref();

@@ -48,6 +48,7 @@ mod input;
 #[cfg_attr(not(feature = "jpeg"), path = "jpeg_absent.rs")]
 mod jpeg;
 mod jpeg_decoder;
+mod large_messages;
 mod listener;
 mod log_modifier;
 mod mjpeg_client;

@@ -3,17 +3,18 @@
 use std::net::IpAddr;
 use std::ops::Deref;
 use std::pin::Pin;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use bytes::Bytes;
 use smallbox::space::S8;
 use smallbox::{SmallBox, smallbox};
-use tokio::runtime::{Handle, RuntimeFlavor};
 use yarp_wire::bottle::DecodeError;
-use yarp_wire::message::{Form, Payload, ReadObject, WireObject};
+use yarp_wire::message::{Payload, ReadObject, WireObject};
 use yarp_wire::{Bottle, Stamp};
 
+use super::large_messages::{read_bottle, read_object};
 use super::reply_channel::{ReplySender, SenderDropped};
+use crate::port_limits::Reservation;
 
 /// The reply to a message: any object that can be written. Up to 64 bytes need no allocation.
 pub struct Reply(SmallBox<dyn WireObject + Send + Sync, S8>);
@@ -30,22 +31,6 @@ impl Deref for Reply {
 
     fn deref(&self) -> &Self::Target {
         &*self.0
-    }
-}
-
-/// Bytes of text above which reading it takes long enough for others to notice.
-const LONG_WORK: usize = 64 * 1024;
-
-/// Does work on so many bytes of text; if they are many, in a way that lets another thread see to the other tasks of
-/// this one, where there are several threads.
-pub(crate) fn long_work<T>(bytes: usize, work: impl FnOnce() -> T) -> T {
-    let may_leave = || {
-        let flavor = Handle::try_current().map(|handle| handle.runtime_flavor());
-        matches!(flavor, Ok(RuntimeFlavor::MultiThread))
-    };
-    match bytes > LONG_WORK && may_leave() {
-        true => tokio::task::block_in_place(work),
-        false => work(),
     }
 }
 
@@ -66,6 +51,8 @@ pub struct Received {
     pub(crate) responder: Option<ReplySender<Answer>>,
     /// The connection that it came over.
     pub(crate) connection: u64,
+    /// Reservation for the values that were read from the content, until the message is dropped.
+    pub(crate) reservation: OnceLock<Reservation>,
 }
 
 /// The handler's answer to a message.
@@ -89,19 +76,30 @@ impl Answer {
 }
 
 impl Received {
-    /// The content as a bottle.
+    /// Returns the content as a bottle.
     ///
-    /// Text of more than 64 KiB is read in a place where other connections do not wait for it.
+    /// Messages of more than 64 KiB are read in a place where other connections do not wait for it, if it takes long, and their values
+    /// count against [`ProcessLimits::parsed_bytes`](crate::port_limits::ProcessLimits::parsed_bytes) until this message is dropped:
+    /// [`DecodeError::NoMemory`] if not enough is left.
     pub fn bottle(&self) -> Result<Bottle, DecodeError> {
-        match self.payload.form() {
-            Form::Text => long_work(self.payload.len(), || self.payload.to_bottle()),
-            _ => self.payload.to_bottle(),
-        }
+        self.keep(read_bottle(&self.payload))
     }
 
-    /// Returns the content as any type that can travel.
+    /// Returns the content as any type that can travel; see [`Received::bottle`] for large messages.
     pub fn read<T: ReadObject>(&self) -> Result<T, DecodeError> {
-        T::read(&self.payload)
+        self.keep(read_object(&self.payload))
+    }
+
+    fn keep<T>(
+        &self,
+        read: Result<(T, Option<Reservation>), DecodeError>,
+    ) -> Result<T, DecodeError> {
+        let (object, reservation) = read?;
+        if let Some(reservation) = reservation {
+            // Whoever reads a message again has counted it.
+            let _ = self.reservation.set(reservation);
+        }
+        Ok(object)
     }
 
     /// Returns the envelope as a stamp, if it is one.
@@ -141,37 +139,5 @@ impl std::fmt::Debug for Answer {
 impl SenderDropped for Answer {
     fn sender_dropped() -> Self {
         Self::Nothing
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use std::sync::mpsc;
-    use std::time::Duration;
-
-    use super::*;
-
-    /// Two who sent much text kept everybody else waiting for seconds. The only worker does the work here, and another
-    /// task has to run for it to end.
-    #[test]
-    fn long_work_leaves_the_worker_to_others() {
-        let runtime = tokio::runtime::Builder::new_multi_thread()
-            .worker_threads(1)
-            .build()
-            .unwrap();
-        let (told, heard) = mpsc::channel();
-        let work = runtime.spawn(async move {
-            let other = tokio::spawn(async move { told.send(()) });
-            let patience = Duration::from_secs(20);
-            let result = long_work(LONG_WORK + 1, || heard.recv_timeout(patience));
-            let _ = other.await;
-            result
-        });
-        assert_eq!(runtime.block_on(work).unwrap(), Ok(()));
-        // Where there is only one thread it is done there.
-        assert_eq!(long_work(LONG_WORK + 1, || 7), 7);
-        let runtime = tokio::runtime::Builder::new_current_thread().build();
-        let work = async { long_work(LONG_WORK + 1, || 7) };
-        assert_eq!(runtime.unwrap().block_on(work), 7);
     }
 }

@@ -20,7 +20,7 @@ use yarp_wire::protocol::Incoming;
 use yarp_wire::settings::{NoSource, Origin, Parameters, Settings};
 use yarp_wire::shmem::{Ring, answers_mark, initiator_mark};
 use yarp_wire::websocket::FrameReader;
-use yarp_wire::{Bottle, Contact, Limits, PortName, Stamp, WireVersion, datagram, typed};
+use yarp_wire::{Bottle, Contact, Limits, PortName, Stamp, Value, WireVersion, datagram, typed};
 
 /// One fuzz target: its name, which is also that of its corpus, and its function.
 pub type Target = (&'static str, fn(&[u8]));
@@ -97,6 +97,8 @@ pub fn bottle_binary(data: &[u8]) {
             let again =
                 Bottle::decode(&encoded, wire_version, Limits::DEFAULT).expect("our own bytes");
             assert_eq!(again.encode(wire_version), encoded);
+            let payload = Payload::new(bytes.clone(), Form::Binary(wire_version));
+            assert!(size_of_values(&bottle) <= payload.max_bottle_size());
             let any = Bottle::decode_any(&bytes, wire_version, LIMITS)
                 .expect("it reads")
                 .0;
@@ -111,11 +113,18 @@ pub fn bottle_binary(data: &[u8]) {
     let _ = detect(data, LIMITS);
 }
 
+/// Returns the bytes that the values of a bottle have on the heap.
+fn size_of_values(bottle: &Bottle) -> usize {
+    let inner = bottle.iter().filter_map(Value::as_list);
+    size_of_val(bottle.as_slice()) + inner.map(size_of_values).sum::<usize>()
+}
+
 /// Texts of bottles: printed bottles parse, and print the same again.
 pub fn bottle_text(data: &[u8]) {
     let Ok(bottle) = Bottle::parse_bytes(data) else {
         return;
     };
+    assert!(size_of_values(&bottle) <= Bottle::max_parsed_size(data));
     let text = bottle.to_text();
     let again = Bottle::parse_bytes(&text).expect("no deeper than before");
     // Words in brackets may hold anything, and these strings print without quotes.

@@ -200,6 +200,14 @@ pub enum DecodeError {
         /// The limit in force.
         limit: usize,
     },
+    /// A bottle whose values take more memory than the process has left for messages.
+    #[error(
+        "a bottle that takes {bytes} bytes in memory, more than this process has left for messages"
+    )]
+    NoMemory {
+        /// The bytes that its values take.
+        bytes: usize,
+    },
     /// A bottle larger than the limit.
     #[error("a bottle of more than {limit} bytes")]
     TooLong {
@@ -332,6 +340,14 @@ fn read(
         wire_version,
     };
     Ok(reader.list())
+}
+
+/// Returns the bytes on the heap that the values of a bottle take once it is decoded, beyond those of `bytes`; `None` if they are no
+/// bottle of `wire_version` with values within the default limits.
+pub(crate) fn max_decoded_size(bytes: &[u8], wire_version: WireVersion) -> Option<usize> {
+    let limits = Limits::DEFAULT;
+    let scanner = scan_whole(bytes, wire_version, limits).ok()?;
+    (scanner.values() <= limits.values as u64).then(|| scanner.values_size())
 }
 
 /// Detects the wire version from the bytes of one whole message.

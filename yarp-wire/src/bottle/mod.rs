@@ -14,6 +14,7 @@ mod scanner;
 mod text_form;
 mod value;
 
+pub(crate) use binary_form::max_decoded_size;
 pub use binary_form::{DecodeError, detect};
 pub use list::Bottle;
 pub use scanner::{Scan, Scanner};

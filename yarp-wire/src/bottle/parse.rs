@@ -38,8 +38,8 @@ impl Level {
     }
 }
 
-/// Reads a list of at most `depth` lists in each other.
-pub(super) fn list(text: &[u8], depth: usize) -> Result<Bottle, TextError> {
+/// Reads a list of at most `depth` lists in each other. Strings without a backslash share `text`.
+pub(super) fn list(text: &Bytes, depth: usize) -> Result<Bottle, TextError> {
     let mut reader = Reader {
         text,
         depth,
@@ -94,8 +94,44 @@ pub(super) fn list(text: &[u8], depth: usize) -> Result<Bottle, TextError> {
     reader.finish(is_clean.then_some(open))
 }
 
+/// Bytes of a list beyond those of its values: the room for four that a growing list begins with, and its block on
+/// the heap.
+const LIST_OVERHEAD: usize = 4 * size_of::<Value>() + 16;
+
+/// Returns an upper bound of the bytes that the values of a text take on the heap, beyond those of the text.
+///
+/// Counts what begins outside of quotes: words and lists.
+pub(super) fn max_parsed_size(text: &[u8]) -> usize {
+    let (mut values, mut lists) = (0_usize, 0_usize);
+    let (mut quoted, mut escaped, mut within_word) = (false, false, false);
+    for &byte in text {
+        if std::mem::take(&mut escaped) {
+            continue;
+        }
+        escaped = byte == b'\\';
+        if quoted {
+            quoted = byte != b'"';
+            continue;
+        }
+        quoted = byte == b'"';
+        if matches!(byte, b'(' | b'{') {
+            lists += 1;
+            // What comes next in it is another value.
+            values += 1;
+            within_word = false;
+        } else if is_separator(byte) {
+            within_word = false;
+        } else if matches!(byte, b')' | b'}') {
+            // Nothing begins here: an item of closing brackets alone is never whole.
+        } else if !std::mem::replace(&mut within_word, true) {
+            values += 1;
+        }
+    }
+    values * size_of::<Value>() + lists * LIST_OVERHEAD
+}
+
 struct Reader<'a> {
-    text: &'a [u8],
+    text: &'a Bytes,
     depth: usize,
     /// The lists around the innermost one, the outermost first.
     outer: Vec<Level>,
@@ -184,12 +220,11 @@ impl Reader<'_> {
         let Some(start) = self.top.start else {
             return;
         };
-        let word = &self.text[start..end];
-        match word {
+        match &self.text[start..end] {
             [] => {}
             // It was not entered.
             [b'(' | b'{', ..] => self.top.is_too_deep = true,
-            word => self.top.items.push(classify(word)),
+            _ => self.top.items.push(classify(self.text, start..end)),
         }
     }
 
@@ -267,7 +302,7 @@ mod tests {
             bottle.push(match token[0] {
                 b'(' => by_definition(inner, depth - 1)?.into(),
                 b'{' => Value::Blob(bytes_of(&by_definition(inner, depth - 1)?)),
-                _ => classify(token),
+                _ => classify(&Bytes::copy_from_slice(token), 0..token.len()),
             });
         }
     }
@@ -275,7 +310,47 @@ mod tests {
     #[track_caller]
     fn check(text: &[u8]) {
         let words = String::from_utf8_lossy(text);
-        assert_eq!(list(text, 5), by_definition(text, 5), "{words:?}");
+        let read = list(&Bytes::copy_from_slice(text), 5);
+        assert_eq!(read, by_definition(text, 5), "{words:?}");
+        if let Ok(bottle) = read {
+            assert!(held(&bottle) <= max_parsed_size(text), "{words:?}");
+        }
+    }
+
+    /// Returns the bytes that the values of a bottle have on the heap, without the characters of their strings.
+    fn held(bottle: &Bottle) -> usize {
+        let inner = bottle.iter().filter_map(Value::as_list).map(held);
+        std::mem::size_of_val(bottle.as_slice()) + inner.sum::<usize>()
+    }
+
+    /// Strings that are as they were in the text share it: small ones took 32 bytes each.
+    #[test]
+    fn words_share_the_text() {
+        let text = Bytes::from_static(b"(ab \"c d\") [ok] 5");
+        let bottle = list(&text, 5).unwrap();
+        let inner = bottle.get(0).and_then(Value::as_list).unwrap();
+        for (word, at) in inner.iter().zip([1, 5]) {
+            let Value::String(word) = word else {
+                panic!("{word}")
+            };
+            assert_eq!(word.as_bytes().as_ptr(), text[at..].as_ptr(), "{word}");
+        }
+    }
+
+    #[test]
+    fn the_size_of_a_text_counts_values_and_lists() {
+        let value = size_of::<Value>();
+        for (text, values, lists) in [
+            ("", 0, 0),
+            (" , ", 0, 0),
+            ("a bc,5", 3, 0),
+            ("(a) ((b c) ())", 7, 4),
+            ("\"many words ( in one\" 1", 2, 0),
+            ("\"a \\\" b\" {1 2}", 4, 1),
+        ] {
+            let size = values * value + lists * LIST_OVERHEAD;
+            assert_eq!(max_parsed_size(text.as_bytes()), size, "{text}");
+        }
     }
 
     /// All texts of seven characters that mean something.
@@ -312,7 +387,7 @@ mod tests {
         let time = |text: &str| -> Duration {
             let runs = (0..5).map(|_| {
                 let begun = Instant::now();
-                assert!(list(text.as_bytes(), 200).is_ok());
+                assert!(list(&Bytes::copy_from_slice(text.as_bytes()), 200).is_ok());
                 begun.elapsed()
             });
             runs.min().expect("five")

@@ -2,6 +2,7 @@
 
 use smallvec::SmallVec;
 
+use super::Value;
 use super::binary_form::{Code, DecodeError};
 use crate::message_limits::Limits;
 use crate::ready::Ready;
@@ -22,9 +23,13 @@ pub struct Scanner {
     around: SmallVec<[Level; INLINE_LEVELS]>,
     version_detected: bool,
     values: u64,
+    lists: u64,
     /// Minimum length of the bottle, when bytes were last missing.
     at_least: usize,
 }
+
+/// Bytes of the heap for a list beyond those of its values.
+const LIST_OVERHEAD: usize = 24;
 
 /// Levels of nesting that need no allocation.
 const INLINE_LEVELS: usize = 4;
@@ -72,6 +77,7 @@ impl Scanner {
             around: SmallVec::new(),
             version_detected: false,
             values: 0,
+            lists: 0,
             at_least: 0,
         }
     }
@@ -118,6 +124,16 @@ impl Scanner {
         self.values
     }
 
+    /// Returns the bytes that the values take on the heap once they are read, without those of the message.
+    pub(super) fn values_size(&self) -> usize {
+        let size = |count: u64, each: usize| {
+            usize::try_from(count)
+                .unwrap_or(usize::MAX)
+                .saturating_mul(each)
+        };
+        size(self.values, size_of::<Value>()).saturating_add(size(self.lists, LIST_OVERHEAD))
+    }
+
     /// Passes the head of a list whose code has been read and whose count is at `at`, inside of `depth` others.
     fn open(
         &mut self,
@@ -149,6 +165,7 @@ impl Scanner {
         let left = count.max(0) as u32;
         self.at = at + 4;
         self.values = self.values.saturating_add(left.into());
+        self.lists += 1;
         Ok(Some(Level { unit, left }))
     }
 

@@ -4,6 +4,7 @@
 //! `" "` a string. Checked against stock 3.5.0.
 
 use std::fmt::{self, Write};
+use std::ops::Range;
 use std::str::FromStr;
 
 use bytes::{BufMut, Bytes, BytesMut};
@@ -34,9 +35,21 @@ impl Bottle {
         Self::parse_bytes(text.as_bytes())
     }
 
+    /// Reads the text form of bytes that the strings share.
+    pub fn parse_shared(text: &Bytes) -> Result<Self, TextError> {
+        parse::list(text, Limits::DEFAULT.depth)
+    }
+
     /// Reads the text form of bytes that need not be UTF-8.
     pub fn parse_bytes(text: &[u8]) -> Result<Self, TextError> {
-        parse::list(text, Limits::DEFAULT.depth)
+        Self::parse_shared(&Bytes::copy_from_slice(text))
+    }
+
+    /// Returns an upper bound of the bytes that the values of a text take on the heap, beyond those of the text.
+    ///
+    /// It is at most some forty times the length of the text, and takes one pass over it.
+    pub fn max_parsed_size(text: &[u8]) -> usize {
+        parse::max_parsed_size(text)
     }
 }
 
@@ -102,8 +115,9 @@ impl BracketBalance {
     }
 }
 
-/// The value one token stands for that is no list.
-pub(super) fn classify(token: &[u8]) -> Value {
+/// Returns the value that the token at `place` stands for, which is no list.
+pub(super) fn classify(text: &Bytes, place: Range<usize>) -> Value {
+    let token = &text[place.clone()];
     if token == b"null" {
         return Vocab32::new("null").into();
     }
@@ -112,8 +126,11 @@ pub(super) fn classify(token: &[u8]) -> Value {
     }
     match token {
         [b'[', ..] => vocab(token),
-        [b'"', ..] => Value::String(unescape(inner(token))),
-        _ => match unescape(token) {
+        [b'"', ..] => {
+            let inner = place.start + 1..place.end.max(place.start + 2) - 1;
+            Value::String(unescape(text, inner))
+        }
+        _ => match unescape(text, place) {
             text if text == "true" => Value::bool(true),
             text if text == "false" => Value::bool(false),
             text => Value::String(text),
@@ -135,7 +152,12 @@ fn vocab(token: &[u8]) -> Value {
     }
 }
 
-fn unescape(token: &[u8]) -> Text {
+/// Returns the characters at `place`; shares the text if no backslash is among them.
+fn unescape(text: &Bytes, place: Range<usize>) -> Text {
+    let token = &text[place.clone()];
+    if !token.contains(&b'\\') {
+        return text.slice(place).into();
+    }
     let mut out = Vec::with_capacity(token.len());
     let mut bytes = token.iter();
     while let Some(&byte) = bytes.next() {

@@ -31,6 +31,8 @@ pub enum Action {
     },
     /// All messages that the port writes from now on.
     Read,
+    /// A message of more values than are parsed: they would take more than [`MAX_VALUES_SIZE`] bytes.
+    TooLarge,
 }
 
 /// The recipient of a message.
@@ -46,6 +48,9 @@ pub enum Who {
 
 /// Maximum length of a text that fields are substituted into: each may appear many times.
 const MAX_TEXT_LEN: usize = 1 << 20;
+
+/// Maximum size of the parsed values of a message in memory, in bytes.
+pub const MAX_VALUES_SIZE: usize = 16 << 20;
 
 type Fields<'a> = BTreeMap<&'a str, &'a str>;
 
@@ -77,7 +82,7 @@ impl Action {
     pub fn only_views(&self) -> bool {
         match self {
             Self::Read => true,
-            Self::Ask { .. } => false,
+            Self::Ask { .. } | Self::TooLarge => false,
             Self::Type { lines, .. } => {
                 let line = Bytes::copy_from_slice(lines.as_bytes());
                 let is_one = !lines.contains('\n');
@@ -132,6 +137,9 @@ impl Action {
             true => Who::Port,
             false => who,
         };
+        if Bottle::max_parsed_size(text.as_bytes()) > MAX_VALUES_SIZE {
+            return Self::TooLarge;
+        }
         let mut message = Bottle::parse(text).unwrap_or_default();
         let pair = |(key, value): (&str, &str)| -> Value {
             Bottle::from_iter([key.into(), value.into()]).into()
@@ -172,9 +180,27 @@ fn with_fields(text: &str, fields: &Fields<'_>) -> String {
 mod tests {
     use super::*;
 
+    #[test]
+    fn a_message_of_too_many_values_is_not_parsed() {
+        let size_of = |text: &str| Bottle::max_parsed_size(text.as_bytes());
+        let values = MAX_VALUES_SIZE / size_of("a");
+        let fits = "a ".repeat(values);
+        let is_parsed = |text: &str| {
+            let form = format!("req={text}").replace(' ', "+");
+            let head = "POST /form HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/x-www-form-urlencoded\r\n";
+            let length = format!("Content-Length: {}\r\n\r\n", form.len());
+            matches!(read(&[head, &length, &form].concat()), Action::Ask { .. })
+        };
+        assert!(is_parsed(&fits));
+        assert!(!is_parsed(&(fits + "a")));
+    }
+
     fn action(target: &str) -> Action {
+        read(&format!("GET /{target} HTTP/1.1\r\n\r\n"))
+    }
+
+    fn read(text: &str) -> Action {
         let mut reader = super::super::RequestReader::default();
-        let text = format!("GET /{target} HTTP/1.1\r\n\r\n");
         let mut input = bytes::BytesMut::from(text.as_bytes());
         let request = reader.read(&mut input, crate::Limits::DEFAULT).unwrap();
         Action::of(&request.unwrap())

@@ -78,6 +78,28 @@ impl Response {
         }
     }
 
+    /// The words for a message of too many values.
+    pub fn too_large() -> Self {
+        Self {
+            status: "413 Content Too Large",
+            ..Self::new(
+                "text/plain",
+                "the message has too many values for a page: send it by another carrier\n",
+            )
+        }
+    }
+
+    /// The words while other requests take the memory for theirs.
+    pub fn busy() -> Self {
+        Self {
+            status: "503 Service Unavailable",
+            ..Self::new(
+                "text/plain",
+                "other large messages are being read: try again later\n",
+            )
+        }
+    }
+
     /// Head and body as they travel, to who was admitted so.
     pub fn to_text(&self, admission: &Admission) -> String {
         let Self { mime, body, .. } = self;

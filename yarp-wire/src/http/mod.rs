@@ -13,7 +13,7 @@ mod http_response;
 
 pub use browser_gate::{Admission, Gate, Refusal, Service};
 pub use head::{Head, HeadSearch};
-pub use http_action::{Action, Who};
+pub use http_action::{Action, MAX_VALUES_SIZE, Who};
 pub use http_request::{Request, RequestReader};
 pub use http_response::Response;
 pub(crate) use http_response::{Body, ResponseHead};

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use bytes::{Bytes, BytesMut};
 
-use crate::bottle::{Bottle, DecodeError, detect};
+use crate::bottle::{Bottle, DecodeError, detect, max_decoded_size};
 use crate::message::Pieces;
 use crate::message_limits::Limits;
 use crate::wire_version::WireVersion;
@@ -122,9 +122,22 @@ impl Payload {
                 };
                 decoded.map(|(bottle, _)| bottle)
             }
-            Form::Text => Bottle::parse_bytes(&self.bytes()).map_err(|_| DecodeError::TooDeep {
+            Form::Text => Bottle::parse_shared(&self.bytes()).map_err(|_| DecodeError::TooDeep {
                 limit: Limits::DEFAULT.depth,
             }),
+        }
+    }
+
+    /// Returns an upper bound of the bytes that [`Payload::to_bottle`] takes on the heap for values, beyond those of
+    /// the payload. Takes about as long as a scan of the payload.
+    pub fn max_bottle_size(&self) -> usize {
+        match self.form {
+            Form::Binary(assumed) => {
+                let sizes = [assumed, assumed.other()].into_iter();
+                let sizes = sizes.filter_map(|version| max_decoded_size(&self.bytes(), version));
+                sizes.max().unwrap_or_default()
+            }
+            Form::Text => Bottle::max_parsed_size(&self.bytes()),
         }
     }
 

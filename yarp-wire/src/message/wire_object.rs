@@ -3,7 +3,7 @@
 use bytes::{BufMut, Bytes, BytesMut};
 
 use crate::bottle::{Bottle, DecodeError};
-use crate::message::{Payload, Pieces};
+use crate::message::{Form, Payload, Pieces};
 use crate::message_limits::Limits;
 use crate::wire_version::WireVersion;
 
@@ -44,6 +44,17 @@ pub trait ReadObject: Sized {
         let wire_version = payload.wire_version();
         Self::read_binary(&payload.to_binary(wire_version)?, wire_version)
     }
+
+    /// Returns an upper bound of the bytes that reading a payload takes on the heap, beyond those of the payload.
+    ///
+    /// Text is read as a bottle first. Types that are read from the values of a bottle in binary too take the default
+    /// of [`Bottle`]; for others a binary payload costs no more than its length.
+    fn max_read_size(payload: &Payload) -> usize {
+        match payload.form() {
+            Form::Text => payload.max_bottle_size(),
+            Form::Binary(_) => 0,
+        }
+    }
 }
 
 impl WireObject for Bottle {
@@ -60,6 +71,10 @@ impl WireObject for Bottle {
 impl ReadObject for Bottle {
     fn read_binary(bytes: &Bytes, wire_version: WireVersion) -> Result<Self, DecodeError> {
         Self::decode(bytes, wire_version, Limits::DEFAULT)
+    }
+
+    fn max_read_size(payload: &Payload) -> usize {
+        payload.max_bottle_size()
     }
 }
 

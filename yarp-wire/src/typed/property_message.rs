@@ -6,7 +6,7 @@ use bytes::{Bytes, BytesMut};
 
 use super::prefix_reader::{ReadPrefix, read_whole};
 use crate::bottle::{Bottle, DecodeError, Text, Value};
-use crate::message::{ReadObject, WireObject};
+use crate::message::{Payload, ReadObject, WireObject};
 use crate::wire_version::WireVersion;
 
 /// A map from name to values, stock's `yarp::os::Property`.
@@ -139,5 +139,9 @@ impl ReadPrefix for Property {
 impl ReadObject for Property {
     fn read_binary(bytes: &Bytes, wire_version: WireVersion) -> Result<Self, DecodeError> {
         read_whole(bytes, wire_version)
+    }
+
+    fn max_read_size(payload: &Payload) -> usize {
+        payload.max_bottle_size()
     }
 }

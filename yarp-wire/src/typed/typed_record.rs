@@ -152,6 +152,10 @@ macro_rules! wire_record {
             ) -> Result<Self, $crate::bottle::DecodeError> {
                 $crate::typed::read_whole(bytes, wire_version)
             }
+
+            fn max_read_size(payload: &$crate::message::Payload) -> usize {
+                payload.max_bottle_size()
+            }
         }
     };
 }

