@@ -73,8 +73,11 @@ test-etcd: setup-vision
 stock: setup
 	conformance/stock/install.sh "$(STOCK)"
 
-test-live: build stock
-	conformance/live/run.sh
+# `PROFILE=dev` tries what `make test FEATURES=etcd` built, instead of a release.
+PROFILE ?= release
+
+test-live: $(if $(filter dev,$(PROFILE)),setup,build) stock
+	PROFILE=$(PROFILE) conformance/live/run.sh
 
 # Debian's Python has what reads windows.
 test-gui: build stock
@@ -85,7 +88,7 @@ test-can: setup
 	conformance/can/run.sh
 
 soak: setup
-	cargo run --release -p yarp-conformance --bin soak
+	cargo run $(if $(filter dev,$(PROFILE)),--workspace $(WORKSPACE_FEATURES),--release -p yarp-conformance) --bin soak
 
 abuse: build
 	cargo build --release -p yarp-conformance --bin abuse

@@ -3,13 +3,30 @@
 #
 #   conformance/live/run.sh           all suites
 #   conformance/live/run.sh copies    those that have this in their title
+#
+# PROFILE=dev tries the programs that the tests were built with, which check more and are slower, instead of a release.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 : "${STOCK:?set STOCK to the folder of stock YARP; \`make test-live\` does}"
 . conformance/stock/environment.sh
 with_stock=$PWD/conformance/stock/with_stock
 
-ours=$PWD/target/release/yarp
+case ${PROFILE:-release} in
+release)
+    built=$PWD/target/release
+    build=(--release -p yarp-cli -p yarp-conformance)
+    ;;
+dev)
+    built=$PWD/target/debug
+    # As `make test FEATURES=etcd` builds them.
+    build=(--workspace --features "yarp-cli/table,yarp-cli/vision,yarp-cli/etcd")
+    ;;
+*)
+    echo "live: PROFILE is release or dev, not $PROFILE" >&2
+    exit 1
+    ;;
+esac
+ours=$built/yarp
 if ! peer=$("$with_stock" yarp version); then
     echo "live: no stock YARP in $STOCK; run \`make stock\`" >&2
     exit 1
@@ -46,7 +63,7 @@ suite() {
 }
 python=$STOCK/bin/python
 
-cargo build --quiet --release -p yarp-cli -p yarp-conformance
+cargo build --quiet "${build[@]}"
 cargo build --quiet -p yarp-ports --example mjpeg_images
 cargo build --quiet -p yarp-wire --example bottle --example typed --example settings
 
@@ -71,7 +88,7 @@ if ! command -v ip >/dev/null; then
         echo "live: iproute2 is missing; the two hosts will fail" >&2
 fi
 suite "two hosts and a link that goes down and up" \
-    python3 conformance/live/two_hosts.py "$ours" target/release/hosts
+    python3 conformance/live/two_hosts.py "$ours" "$built/hosts"
 suite "what another host and another user may not do" python3 conformance/live/untrusted_peers.py "$ours"
 
 if ! command -v cvlc >/dev/null; then
@@ -191,7 +208,7 @@ for server in ours stock; do
         --name /fake --period 0.02 --GENERAL::Joints 3 >"$work/fake.log" 2>&1 &
     running+=($!)
     until_ok "$ours" exists /fake/stateExt:o
-    suite "our client drives stock's control board, server: $server" target/release/drive_stock /fake
+    suite "our client drives stock's control board, server: $server" "$built/drive_stock" /fake
     suite "devices and robots from the same files, server: $server" \
         "$with_stock" "$python" conformance/live/hosting.py "$ours"
 
@@ -210,7 +227,7 @@ for server in ours stock; do
         --name /fakecam --width 32 --height 24 --mode line >"$work/fakecam.log" 2>&1 &
     running+=($!)
     until_ok "$ours" exists /fakecam
-    suite "our client looks through stock's camera, server: $server" target/release/drive_camera /fakecam 3.x
+    suite "our client looks through stock's camera, server: $server" "$built/drive_camera" /fakecam 3.x
     stop
     # Numbers that the first server gave out may still be busy.
     port=$((port + 1000))

@@ -111,6 +111,15 @@ impl PeriodicTimer {
         }
     }
 
+    /// Does `work` at once and in every cycle from then on, until `is_ending` returns true. Heeds that at once when the thread
+    /// is unparked.
+    pub fn repeat(&mut self, is_ending: impl Fn() -> bool, mut work: impl FnMut()) {
+        while !is_ending() {
+            work();
+            self.wait(&is_ending);
+        }
+    }
+
     /// Ends the current cycle; returns the number of cycles that are left out because of it.
     pub fn done(&mut self, now: Instant) -> u64 {
         let taken = now.saturating_duration_since(self.next);
@@ -156,6 +165,8 @@ impl CycleStatistics {
 
 #[cfg(test)]
 mod tests {
+    use std::cell::Cell;
+
     use super::*;
 
     const PERIOD: Duration = Duration::from_millis(2);
@@ -206,5 +217,28 @@ mod tests {
         let start = Instant::now();
         let timer = PeriodicTimer::new(start, Duration::ZERO, MissedCycles::Skip);
         assert_eq!(timer.next(), start + MIN_PERIOD);
+    }
+
+    #[test]
+    fn repeated_work_does_not_drift_and_missed_cycles_are_left_out() {
+        let ending = Cell::new(false);
+        let start = Instant::now();
+        let mut times = Vec::new();
+        timer(MissedCycles::Skip).1.repeat(
+            || ending.get(),
+            || {
+                times.push(start.elapsed());
+                if times.len() == 3 {
+                    std::thread::sleep(Duration::from_millis(9));
+                }
+                ending.set(times.len() == 20);
+            },
+        );
+        // Nothing runs before its deadline, and the long third cycle costs the deadlines it overran.
+        for (place, time) in times.iter().enumerate() {
+            assert!(*time >= PERIOD * place as u32);
+        }
+        assert!(times[3] >= times[2] + Duration::from_millis(9));
+        assert_eq!(times.len(), 20);
     }
 }

@@ -63,7 +63,7 @@ async fn json(server: &Server, target: &str) -> Value {
 
 /// Repeats a request until the answer passes a test.
 #[track_caller]
-fn until(
+fn json_that_fits(
     server: &Server,
     target: &str,
     fits: impl Fn(&Value) -> bool,
@@ -205,7 +205,7 @@ async fn names_have_address_state_process_and_type() {
             && !alive["process"]["name"].is_null()
             && entry(answer, "/gone")["state"] == "gone"
     };
-    let names = until(&server, "/api/names", asked).await;
+    let names = json_that_fits(&server, "/api/names", asked).await;
     assert_eq!(names["server"]["name"], "/root");
     assert_eq!(names["server"]["port"], server.port());
     let alive = entry(&names, "/alive");
@@ -258,7 +258,7 @@ async fn connections_have_traffic_counters() {
             && link["received"]["messages"] == 5
             && link["received"]["messages_per_second"] == 0.0
     };
-    let answer = until(&server, "/api/connections", told).await;
+    let answer = json_that_fits(&server, "/api/connections", told).await;
     let links = answer["connections"].as_array().unwrap();
     assert_eq!(
         links.len(),
@@ -290,7 +290,7 @@ async fn connections_have_traffic_counters() {
     writer.close().await;
     reader.close().await;
     let over = |answer: &Value| answer["connections"] == Value::Array(Vec::new());
-    until(&server, "/api/connections", over).await;
+    json_that_fits(&server, "/api/connections", over).await;
     server.close().await;
 }
 
@@ -311,7 +311,7 @@ async fn ports_without_counters_are_queried_for_their_lists() {
         let link = &answer["connections"][0];
         link["carrier"] == "udp" && link["sent"].is_null() && link["received"].is_null()
     };
-    let answer = until(&server, "/api/connections", told).await;
+    let answer = json_that_fits(&server, "/api/connections", told).await;
     assert_eq!(answer["connections"][0]["to"], "/rd");
     writer.close().await;
     reader.close().await;
@@ -343,13 +343,13 @@ async fn names_and_reports_are_escaped() {
     .await;
     register(&server, &HOSTILE.replace('"', ""), number).await;
     let name = HOSTILE.replace('"', "");
-    let names = until(&server, "/api/names", |answer| {
+    let names = json_that_fits(&server, "/api/names", |answer| {
         entry(answer, &name)["state"] == "alive"
     })
     .await;
     assert_eq!(entry(&names, &name).get("process"), None);
     let heard = |answer: &Value| !answer["connections"][0].is_null();
-    let answer = until(&server, "/api/connections", heard).await;
+    let answer = json_that_fits(&server, "/api/connections", heard).await;
     let link = &answer["connections"][0];
     assert_eq!(link["to"], said);
     assert_eq!(link["carrier"], "<b>");
@@ -376,7 +376,7 @@ async fn unresponsive_ports_do_not_delay_others() {
             // The port speaks the protocol.
             && entry(answer, "/odd")["state"] == "alive"
     };
-    let names = until(&server, "/api/names?wait=0", asked).await;
+    let names = json_that_fits(&server, "/api/names?wait=0", asked).await;
     let reason = entry(&names, "/silent")["reason"].as_str().unwrap();
     assert!(reason.contains("did not answer"), "{reason}");
     port.close().await;

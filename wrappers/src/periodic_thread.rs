@@ -48,7 +48,8 @@ impl PeriodicThread {
         let (alive, ended) = oneshot::channel();
         let thread = thread::Builder::new().name(name.into()).spawn(move || {
             yarp_ports::request_low_timer_slack();
-            every(period, &theirs, &mut work);
+            let mut timer = PeriodicTimer::on(TimeSource::current(), period, MissedCycles::Skip);
+            timer.repeat(|| theirs.load(Ordering::Acquire), &mut work);
             // Its captures are dropped before the end is reported.
             drop(work);
             drop(alive);
@@ -71,43 +72,5 @@ impl PeriodicThread {
         } else if self.thread.join().is_err() {
             tracing::error!("publishing had panicked");
         }
-    }
-}
-
-/// Calls `work` at once and every `period` from then on, until stopped.
-fn every(period: Duration, ending: &AtomicBool, mut work: impl FnMut()) {
-    let is_ending = || ending.load(Ordering::Acquire);
-    let mut timer = PeriodicTimer::on(TimeSource::current(), period, MissedCycles::Skip);
-    while !is_ending() {
-        work();
-        timer.wait(is_ending);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use std::time::Instant;
-
-    use super::*;
-
-    #[test]
-    fn deadlines_do_not_drift_and_missed_ones_are_left_out() {
-        let ending = AtomicBool::new(false);
-        let start = Instant::now();
-        let mut times = Vec::new();
-        every(Duration::from_millis(2), &ending, || {
-            times.push(start.elapsed());
-            if times.len() == 3 {
-                thread::sleep(Duration::from_millis(9));
-            }
-            if times.len() == 20 {
-                ending.store(true, Ordering::Release);
-            }
-        });
-        // Nothing runs before its deadline, and the long third cycle costs the deadlines it overran.
-        for (place, time) in times.iter().enumerate() {
-            assert!(*time >= Duration::from_millis(2) * place as u32);
-        }
-        assert!(times[3] >= times[2] + Duration::from_millis(9));
     }
 }

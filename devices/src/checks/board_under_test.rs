@@ -1,8 +1,8 @@
 //! Support for the checks: interfaces under test, and waiting.
 
-use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
+use super::polling::wait_until;
 use crate::{
     Axes, AxisIndex, AxisInfo, ControlLimits, ControlMode, Device, EncoderReading, Encoders,
     Limits, Mode, PositionControl, VelocityControl,
@@ -146,14 +146,6 @@ impl<'a> Board<'a> {
     }
 
     pub(super) fn eventually(&self, what: &str, condition: impl Fn() -> bool) {
-        let deadline = Instant::now() + self.timeout;
-        while !condition() {
-            assert!(
-                Instant::now() < deadline,
-                "{what} did not come within {:?}",
-                self.timeout
-            );
-            thread::sleep(Duration::from_millis(2));
-        }
+        wait_until(what, self.timeout, condition);
     }
 }

@@ -1,10 +1,10 @@
 //! Behaviours that every controller of a tool must show.
 
 use std::sync::mpsc::Receiver;
-use std::thread;
 use std::time::{Duration, Instant};
 
 use super::Check;
+use super::polling::wait_until;
 use crate::{
     CartesianControl, CartesianEvent, Device, Limits, Priority, Target, TaskPose, TaskVelocity,
     TweakChange,
@@ -40,16 +40,8 @@ fn tool(device: &dyn Device) -> &dyn CartesianControl {
     device.cartesian_control().expect("it moves a tool")
 }
 
-fn eventually(what: &str, timeout: Duration, condition: impl Fn() -> bool) {
-    let deadline = Instant::now() + timeout;
-    while !condition() {
-        assert!(Instant::now() < deadline, "{what} did not come");
-        thread::sleep(Duration::from_millis(2));
-    }
-}
-
 fn place(tool: &dyn CartesianControl, timeout: Duration) -> TaskPose {
-    eventually("a pose", timeout, || tool.pose().is_ok());
+    wait_until("a pose", timeout, || tool.pose().is_ok());
     tool.pose().expect("it came").pose
 }
 
@@ -71,11 +63,11 @@ fn arrive(tool: &dyn CartesianControl, target: Target, timeout: Duration) {
 /// Waits until the tool is at rest and returns its position.
 fn rest(tool: &dyn CartesianControl, timeout: Duration) -> [f64; 3] {
     let deadline = Instant::now() + timeout;
-    eventually("a pose", timeout, || tool.pose().is_ok());
+    wait_until("a pose", timeout, || tool.pose().is_ok());
     let mut before = tool.pose().expect("it came");
     loop {
         let later = before.time + 0.3;
-        eventually("time", timeout, || {
+        wait_until("time", timeout, || {
             tool.pose().is_ok_and(|now| now.time > later)
         });
         let now = tool.pose().expect("it came");
@@ -96,7 +88,7 @@ pub fn a_target_is_reached(device: &dyn Device, timeout: Duration) {
     let tool = tool(device);
     for at in PLACES {
         arrive(tool, Target::Position(at), timeout);
-        eventually("the place", timeout, || {
+        wait_until("the place", timeout, || {
             distance(place(tool, timeout).position, at) < 0.011
         });
     }
@@ -109,7 +101,7 @@ pub fn a_target_is_reached(device: &dyn Device, timeout: Duration) {
         distance(desired.position, pose.position) < 1e-4,
         "{desired:?}"
     );
-    eventually("the pose", timeout, || {
+    wait_until("the pose", timeout, || {
         let now = place(tool, timeout);
         let turned = now
             .axis
@@ -125,7 +117,7 @@ pub fn a_target_is_reached(device: &dyn Device, timeout: Duration) {
     tool.set_trajectory_time(0.3).expect("it takes that");
     tool.go_to(Target::Position(PLACES[0]), None)
         .expect("it goes");
-    eventually("the place again", timeout, || {
+    wait_until("the place again", timeout, || {
         distance(place(tool, timeout).position, PLACES[0]) < 0.011
     });
 }
@@ -175,7 +167,7 @@ pub fn a_stopped_tool_stays(device: &dyn Device, timeout: Duration) {
     // Shortens the duration of the motion.
     tool.go_to_sync(Target::Position(PLACES[1]), Some(20.0))
         .expect("it goes");
-    eventually("a motion", timeout, || {
+    wait_until("a motion", timeout, || {
         distance(place(tool, timeout).position, start) > 0.001
     });
     tool.stop().expect("it can always stop");
@@ -225,7 +217,7 @@ pub fn what_is_out_of_reach_is_refused(device: &dyn Device, timeout: Duration) {
         .expect("it is within reach");
     let period = Duration::from_millis(5);
     assert!(tool.wait_motion_done(period, timeout).expect("it answers"));
-    eventually("that place", timeout, || {
+    wait_until("that place", timeout, || {
         distance(place(tool, timeout).position, nearest) < 0.011
     });
 }
@@ -240,17 +232,17 @@ pub fn a_velocity_lasts_until_it_is_nothing(device: &dyn Device, timeout: Durati
         ..TaskVelocity::default()
     };
     tool.set_task_velocity(up).expect("it moves");
-    eventually("a velocity", timeout, || {
+    wait_until("a velocity", timeout, || {
         let reported = tool.task_velocity().expect("it answers");
         (reported.linear[2] - 0.01).abs() < 0.001 && reported.linear[0].abs() < 0.001
     });
-    eventually("a way", timeout, || {
+    wait_until("a way", timeout, || {
         place(tool, timeout).position[2] > start[2] + 0.01
     });
     assert!(!tool.motion_done().expect("it answers"));
     tool.set_task_velocity(TaskVelocity::default())
         .expect("it stops");
-    eventually("the end", timeout, || {
+    wait_until("the end", timeout, || {
         tool.motion_done().expect("it answers")
     });
 }
@@ -263,11 +255,11 @@ pub fn a_tip_is_part_of_the_arm(device: &dyn Device, timeout: Duration) {
     let tip = TaskPose::from_array([0.0, 0.0, 0.12, 0.0, 0.0, 1.0, 0.0]);
     tool.attach_tip(tip).expect("it is a pose");
     assert_eq!(tool.tip().expect("it answers"), tip);
-    eventually("the longer arm", timeout, || {
+    wait_until("the longer arm", timeout, || {
         (distance(place(tool, timeout).position, bare) - 0.12).abs() < 0.01
     });
     arrive(tool, Target::Position(PLACES[1]), timeout);
-    eventually("its tip there", timeout, || {
+    wait_until("its tip there", timeout, || {
         distance(place(tool, timeout).position, PLACES[1]) < 0.011
     });
     tool.remove_tip().expect("it comes off");

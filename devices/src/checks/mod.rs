@@ -24,6 +24,7 @@ pub mod camera_checks;
 pub mod cartesian_checks;
 pub mod firewire_checks;
 mod motor_checks;
+mod polling;
 
 use std::time::Duration;
 

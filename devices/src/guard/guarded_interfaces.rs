@@ -2,119 +2,64 @@
 
 use super::{Guarded, pairs, unit};
 use crate::{
-    AmplifierControl, Axes, AxisIndex, AxisInfo, ControlCalibration, ControlLimits, ControlMode,
-    CurrentControl, Device, DeviceError, EncoderReading, Encoders, Grasp, Hand, ImpedanceControl,
-    InteractionMode, JointBrake, JointFault, JointType, Limits, MachineBrake, Mode, MotionControl,
-    Motor, MotorEncoders, PidControl, PositionControl, PositionDirect, PwmControl,
-    RemoteCalibrator, RemoteVariables, SoftwareStop, TorqueControl, VelocityControl,
-    VelocityDirect,
+    Axes, AxisIndex, AxisInfo, ControlCalibration, ControlLimits, ControlMode, Device, DeviceError,
+    EncoderReading, Encoders, InteractionMode, JointType, Limits, Mode, MotionControl,
+    PositionControl, RemoteCalibrator, RemoteVariables, VelocityControl,
 };
 
-impl Device for Guarded {
-    fn axis_info(&self) -> Option<&dyn AxisInfo> {
-        self.device().axis_info().map(|_| self as _)
-    }
-
-    fn position_control(&self) -> Option<&dyn PositionControl> {
-        self.device().position_control().map(|_| self as _)
-    }
-
-    fn velocity_control(&self) -> Option<&dyn VelocityControl> {
-        self.device().velocity_control().map(|_| self as _)
-    }
-
-    fn encoders(&self) -> Option<&dyn Encoders> {
-        self.device().encoders().map(|_| self as _)
-    }
-
-    fn control_mode(&self) -> Option<&dyn ControlMode> {
-        self.device().control_mode().map(|_| self as _)
-    }
-
-    fn control_limits(&self) -> Option<&dyn ControlLimits> {
-        self.device().control_limits().map(|_| self as _)
-    }
-
-    fn position_direct(&self) -> Option<&dyn PositionDirect> {
-        self.device().position_direct().map(|_| self as _)
-    }
-
-    fn torque_control(&self) -> Option<&dyn TorqueControl> {
-        self.device().torque_control().map(|_| self as _)
-    }
-
-    fn velocity_direct(&self) -> Option<&dyn VelocityDirect> {
-        self.device().velocity_direct().map(|_| self as _)
-    }
-
-    fn current_control(&self) -> Option<&dyn CurrentControl> {
-        self.device().current_control().map(|_| self as _)
-    }
-
-    fn pwm_control(&self) -> Option<&dyn PwmControl> {
-        self.device().pwm_control().map(|_| self as _)
-    }
-
-    fn impedance_control(&self) -> Option<&dyn ImpedanceControl> {
-        self.device().impedance_control().map(|_| self as _)
-    }
-
-    fn pid_control(&self) -> Option<&dyn PidControl> {
-        self.device().pid_control().map(|_| self as _)
-    }
-
-    fn interaction_mode(&self) -> Option<&dyn InteractionMode> {
-        self.device().interaction_mode().map(|_| self as _)
-    }
-
-    fn motor_encoders(&self) -> Option<&dyn MotorEncoders> {
-        self.device().motor_encoders().map(|_| self as _)
-    }
-
-    fn motor(&self) -> Option<&dyn Motor> {
-        self.device().motor()
-    }
-
-    fn amplifier_control(&self) -> Option<&dyn AmplifierControl> {
-        self.device().amplifier_control().map(|_| self as _)
-    }
-
-    fn control_calibration(&self) -> Option<&dyn ControlCalibration> {
-        self.device().control_calibration().map(|_| self as _)
-    }
-
-    fn remote_calibrator(&self) -> Option<&dyn RemoteCalibrator> {
-        self.device().remote_calibrator().map(|_| self as _)
-    }
-
-    fn remote_variables(&self) -> Option<&dyn RemoteVariables> {
-        self.device().remote_variables().map(|_| self as _)
-    }
-
-    fn joint_fault(&self) -> Option<&dyn JointFault> {
-        self.device().joint_fault()
-    }
-
-    fn joint_brake(&self) -> Option<&dyn JointBrake> {
-        self.device().joint_brake().map(|_| self as _)
-    }
-
-    fn software_stop(&self) -> Option<&dyn SoftwareStop> {
-        Some(self)
-    }
-
-    fn machine_brake(&self) -> Option<&dyn MachineBrake> {
-        self.device().machine_brake()
-    }
-
-    fn hand(&self) -> Option<&dyn Hand> {
-        self.device().hand().map(|_| self as _)
-    }
-
-    fn grasp(&self) -> Option<&dyn Grasp> {
-        self.device().grasp().map(|_| self as _)
-    }
+/// Makes the methods of [`Device`] by the list of all interfaces. A guarded device has the interfaces of its device, each guarded
+/// here: an interface that is neither guarded nor named in `guarded_interface!` does not compile.
+macro_rules! guarded_device {
+    ($($(#[$about:meta])* $method:ident: $interface:ident;)*) => {
+        impl Device for Guarded {
+            $(guarded_interface! { $method $interface })*
+        }
+    };
 }
+
+macro_rules! guarded_interface {
+    // It only reports.
+    (motor $interface:ident) => {
+        guarded_interface! { @unguarded motor $interface }
+    };
+    (joint_fault $interface:ident) => {
+        guarded_interface! { @unguarded joint_fault $interface }
+    };
+    // A brake makes no motion.
+    (machine_brake $interface:ident) => {
+        guarded_interface! { @unguarded machine_brake $interface }
+    };
+    (@unguarded $method:ident $interface:ident) => {
+        fn $method(&self) -> Option<&dyn crate::$interface> {
+            self.device().$method()
+        }
+    };
+    // The guard itself has it.
+    (software_stop $interface:ident) => {
+        crate::offers! { software_stop: $interface }
+    };
+    // A controller of the tool commands a guarded arm instead.
+    (cartesian_control $interface:ident) => {};
+    // Not of arms and hands.
+    (frame_grabber_image $interface:ident) => {};
+    (frame_grabber_image_raw $interface:ident) => {};
+    (frame_grabber_controls $interface:ident) => {};
+    (firewire_controls $interface:ident) => {};
+    (rgb_visual_params $interface:ident) => {};
+    (audio_grabber $interface:ident) => {};
+    (audio_render $interface:ident) => {};
+    (battery $interface:ident) => {};
+    (analog_sensors $interface:ident) => {};
+    (analog_sensor $interface:ident) => {};
+    (serial_device $interface:ident) => {};
+    ($method:ident $interface:ident) => {
+        fn $method(&self) -> Option<&dyn crate::$interface> {
+            self.device().$method().map(|_| self as _)
+        }
+    };
+}
+
+crate::device_interfaces!(guarded_device);
 
 impl Guarded {
     fn position(&self) -> Result<&dyn PositionControl, DeviceError> {

@@ -12,7 +12,7 @@
 //! Below the trait of each interface of control boards stands its description (`describe_...`): a row for each request
 //! that clients send about it. Parsing and printing in both wire versions, the lookup of words and functions, the calls
 //! of the device, the replies, and the methods of the client are generated from these rows. [`describe_board`]
-//! lists the descriptions. The header of a description has the method of [`Device`](crate::Device), the trait, the name
+//! lists the descriptions, [`wholly_described`] those that nothing is added to by hand. The header of a description has the method of [`Device`](crate::Device), the trait, the name
 //! in YARP 4.0 (empty if it has none), and the name in errors. A row is
 //!
 //! ```text
@@ -137,7 +137,7 @@ macro_rules! describe_board {
         $crate::$first! { $then, [$($rest)*] $($described)* }
     };
     ($then:ident) => {
-        $crate::describe_board! { @next $then, [
+        $crate::wholly_described! { @for board $then [
             describe_axis_info
             describe_motion_control
             describe_position_control
@@ -151,17 +151,37 @@ macro_rules! describe_board {
             describe_current_control
             describe_pwm_control
             describe_interaction_mode
-            describe_impedance_control
             describe_pid_control
             describe_motor_encoders
-            describe_motor
             describe_amplifier_control
             describe_control_calibration
             describe_remote_calibrator
             describe_remote_variables
+        ] }
+    };
+}
+
+/// Lists the descriptions from which the methods of the remapper and of the client are made without any written by hand, and
+/// hands each to the macro `$then`, as `describe_NAME {}`.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! wholly_described {
+    ($then:ident) => {
+        $crate::wholly_described! { @for each $then }
+    };
+    (@for $($what:tt)*) => {
+        $crate::wholly_described! { @of [
+            describe_impedance_control
+            describe_motor
             describe_joint_fault
             describe_joint_brake
-        ] }
+        ] $($what)* }
+    };
+    (@of [$($whole:ident)*] each $then:ident) => {
+        $( $then! { $whole {} } )*
+    };
+    (@of [$($whole:ident)*] board $then:ident [$($partly:ident)*]) => {
+        $crate::describe_board! { @next $then, [$($partly)* $($whole)*] }
     };
 }
 

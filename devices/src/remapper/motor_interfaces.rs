@@ -113,8 +113,6 @@ remapped! { describe_interaction_mode {
         }
 } }
 
-remapped! { describe_impedance_control {} }
-
 remapped! { describe_pid_control {
         fn available_pids(&self, axis: AxisIndex) -> Outcome<Vec<PidKind>> {
             self.one(Interface::pid_control(), axis, |device, axis| {
@@ -217,8 +215,6 @@ remapped! { describe_motor_encoders {
             )
         }
 } }
-
-remapped! { describe_motor {} }
 
 remapped! { describe_amplifier_control {
         fn enable_amplifiers(&self, axes: Axes<'_>, enabled: bool) -> Outcome<()> {
@@ -324,7 +320,6 @@ remapped! { describe_remote_calibrator {
 
 
 
-
         fn quit_calibration(&self) -> Outcome<()> {
             self.order(Interface::remote_calibrator(), Axes::All, OnRefusal::TellOthers, |device, _| {
                 Some(device.remote_calibrator()?.quit_calibration())
@@ -338,6 +333,4 @@ remapped! { describe_remote_calibrator {
         }
 } }
 
-remapped! { describe_joint_fault {} }
-
-remapped! { describe_joint_brake {} }
+crate::wholly_described!(remapped);

@@ -9,8 +9,8 @@ use super::parameters;
 use crate::clock::TimeSource;
 use crate::fake::{AxesModel, AxisParameters};
 use crate::{
-    Axes, AxisIndex, AxisInfo, ControlLimits, ControlMode, Device, DeviceError, EncoderReading,
-    Encoders, JointType, Limits, Mode, MotionControl, PositionControl, VelocityControl,
+    Axes, AxisIndex, AxisInfo, ControlLimits, ControlMode, DeviceError, EncoderReading, Encoders,
+    JointType, Limits, Mode, MotionControl, PositionControl, VelocityControl,
 };
 
 /// A simulated seven-joint WAM arm that moves in the time of the process, or of another [`TimeSource`].
@@ -96,33 +96,6 @@ impl SimulatedWam {
 impl Default for SimulatedWam {
     fn default() -> Self {
         Self::new()
-    }
-}
-
-impl Device for SimulatedWam {
-    crate::offers! {
-        axis_info: AxisInfo,
-        position_control: PositionControl,
-        velocity_control: VelocityControl,
-        encoders: Encoders,
-        control_mode: ControlMode,
-        control_limits: ControlLimits,
-        position_direct: PositionDirect,
-        velocity_direct: VelocityDirect,
-        torque_control: TorqueControl,
-        current_control: CurrentControl,
-        pwm_control: PwmControl,
-        interaction_mode: InteractionMode,
-        impedance_control: ImpedanceControl,
-        pid_control: PidControl,
-        motor_encoders: MotorEncoders,
-        motor: Motor,
-        amplifier_control: AmplifierControl,
-        control_calibration: ControlCalibration,
-        remote_calibrator: RemoteCalibrator,
-        remote_variables: RemoteVariables,
-        joint_fault: JointFault,
-        joint_brake: JointBrake,
     }
 }
 

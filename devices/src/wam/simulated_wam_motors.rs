@@ -1,4 +1,4 @@
-//! The interfaces of the simulated arm for its motors, and further ones.
+//! The list of interfaces of the simulated arm, and those for its motors.
 
 use std::thread;
 use std::time::{Duration, Instant};
@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use super::SimulatedWam;
 use crate::{
     AmplifierControl, AmplifierLimit, Axes, AxisIndex, CalibrationParameters, ControlCalibration,
-    CurrentControl, DeviceError, EncoderReading, Fault, Impedance, ImpedanceControl,
+    CurrentControl, Device, DeviceError, EncoderReading, Fault, Impedance, ImpedanceControl,
     ImpedanceLimits, Interaction, InteractionMode, JointBrake, JointFault, Limits, MotionControl,
     Motor, MotorEncoders, MotorTorqueParameters, Pid, PidControl, PidInfo, PidKind, PidValue,
     PositionControl, PositionDirect, PwmControl, RemoteCalibrator, RemoteVariables, TorqueControl,
@@ -16,6 +16,33 @@ use crate::{
 /// Longer than any way home takes.
 const HOMING_TIMEOUT: Duration = Duration::from_secs(120);
 const POLL_INTERVAL: Duration = Duration::from_millis(5);
+
+impl Device for SimulatedWam {
+    crate::offers! {
+        axis_info: AxisInfo,
+        position_control: PositionControl,
+        velocity_control: VelocityControl,
+        encoders: Encoders,
+        control_mode: ControlMode,
+        control_limits: ControlLimits,
+        position_direct: PositionDirect,
+        velocity_direct: VelocityDirect,
+        torque_control: TorqueControl,
+        current_control: CurrentControl,
+        pwm_control: PwmControl,
+        interaction_mode: InteractionMode,
+        impedance_control: ImpedanceControl,
+        pid_control: PidControl,
+        motor_encoders: MotorEncoders,
+        motor: Motor,
+        amplifier_control: AmplifierControl,
+        control_calibration: ControlCalibration,
+        remote_calibrator: RemoteCalibrator,
+        remote_variables: RemoteVariables,
+        joint_fault: JointFault,
+        joint_brake: JointBrake,
+    }
+}
 
 /// Implements methods by those of the model that have their names.
 macro_rules! as_the_model_does {

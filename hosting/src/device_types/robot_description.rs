@@ -12,12 +12,12 @@ use crate::robot::{SharedDescriptions, open_description_port};
 use crate::{Attached, Future, HostError, Hosted};
 
 /// Stock's default.
-const DEFAULT_PORT: &str = "/robotDescriptionServer/rpc";
+const DEFAULT_PORT_NAME: &str = "/robotDescriptionServer/rpc";
 
 pub(super) async fn open(opening: Opening<'_>) -> OpenResult {
     let parameters = opening.parameters;
     let name: Option<PortName> = parameters.get("local")?;
-    let name = name.map_or_else(|| DEFAULT_PORT.to_owned(), |name| name.to_string());
+    let name = name.map_or_else(|| DEFAULT_PORT_NAME.to_owned(), |name| name.to_string());
     let devices = SharedDescriptions::default();
     let port = open_description_port(opening.network, &name, devices.clone()).await;
     let port = port.map_err(|source| {

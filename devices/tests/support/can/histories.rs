@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use yarp_devices::can::puck::Node;
 use yarp_devices::kinematics::Joints;
+use yarp_devices::pseudo_random::Random;
 use yarp_devices::simulation::{SafetyMode, WakeUp};
 use yarp_devices::wam::WamModel;
 use yarp_devices::wam::can::{CanOptions, CanWam};
@@ -35,26 +36,9 @@ pub fn seeds(count: u64) -> Range<u64> {
     first..first.saturating_add(number("YARP_CAN_HISTORIES", count))
 }
 
-/// A generator of numbers, the same for the same seed.
-struct Chance(u64);
-
-impl Chance {
-    fn below(&mut self, end: u64) -> u64 {
-        // xorshift64*
-        self.0 ^= self.0 >> 12;
-        self.0 ^= self.0 << 25;
-        self.0 ^= self.0 >> 27;
-        (self.0.wrapping_mul(0x2545_F491_4F6C_DD1D) >> 33) % end
-    }
-
-    fn between(&mut self, min: f64, max: f64) -> f64 {
-        min + (max - min) * self.below(1_000_000) as f64 / 1e6
-    }
-}
-
 struct History<'a> {
     rig: &'a dyn Rig,
-    chance: Chance,
+    chance: Random,
     options: CanOptions,
     arm: Option<CanWam>,
     /// True if a person pressed Shift and Activate since the arm was last seen not to be active.
@@ -68,7 +52,7 @@ pub fn live(rig: &dyn Rig, seed: u64, record: PathBuf) {
     let _ = std::fs::remove_file(&record);
     let mut history = History {
         rig,
-        chance: Chance(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1),
+        chance: Random::new(seed),
         options: CanOptions {
             home_confirmed: false,
             home_marks: None,
@@ -106,7 +90,7 @@ impl History<'_> {
         let pose = WamModel::<7>::new().chain.clamp(&pose);
         self.rig.pucks().lock().simulator_mut().place(&pose);
         for motor in 0..7 {
-            let millis = self.chance.below(2500);
+            let millis = self.chance.below(2500) as u64;
             let wake_up = WakeUp {
                 wake_time: Some(Duration::from_millis(millis)),
                 ..WakeUp::default()
@@ -150,7 +134,7 @@ impl History<'_> {
                 self.plugged = !self.plugged;
             }
             6 | 7 => {
-                let motor = self.chance.below(7) as usize;
+                let motor = self.chance.below(7);
                 self.note(format!("puck {} restarts", motor + 1));
                 self.rig.pucks().lock().restart_motor(motor);
                 self.pass(3.0);
@@ -260,7 +244,7 @@ impl History<'_> {
 
     /// Refused unless the arm is active.
     fn move_a_joint(&mut self) {
-        let axis = Axes::One(AxisIndex::new(self.chance.below(7) as usize));
+        let axis = Axes::One(AxisIndex::new(self.chance.below(7)));
         let by = self.chance.between(-40.0, 40.0);
         if let Some(arm) = &self.arm {
             let moved = arm.relative_move(axis, &[by]).is_ok();

@@ -18,6 +18,8 @@ use super::argument_checks::Checked;
 const HOMING_TIMEOUT: Duration = Duration::from_secs(120);
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
+yarp_devices::wholly_described!(remote);
+
 remote! {
     describe_axis_info {
         fn axes(&self) -> usize {
@@ -144,7 +146,6 @@ remote! {
             self.order(Set::Interactions(selection, interactions.to_vec()))
         }
     }
-    describe_impedance_control {}
     describe_motor_encoders {
         /// From the newest state; its time is the board's one time for all joints.
         fn motor_readings(&self, axes: Axes<'_>) -> Result<Vec<EncoderReading>, DeviceError> {
@@ -160,7 +161,6 @@ remote! {
             })
         }
     }
-    describe_motor {}
     describe_amplifier_control {
         fn enable_amplifiers(&self, axes: Axes<'_>, enabled: bool) -> Result<(), DeviceError> {
             match enabled {
@@ -218,8 +218,6 @@ remote! {
             self.order(Set::Variable(name.to_owned(), value.to_vec()))
         }
     }
-    describe_joint_fault {}
-    describe_joint_brake {}
 }
 
 /// One joint of a state; what the board marks invalid is NaN.
