@@ -6,6 +6,9 @@ use crate::common;
 
 use common::Home;
 
+/// Exit code of `timeout` when the time was over.
+const TIMED_OUT: i32 = 124;
+
 #[track_caller]
 fn check(line: &str, port: &str, code: i32) {
     let home = Home::new();
@@ -44,4 +47,23 @@ fn the_name_server_exits_with_success() {
     let home = Home::new();
     home.serve().signal("TERM").finish().with(0);
     home.run("where").with(1);
+}
+
+/// `timeout` sends its signal twice, to the command and to its group: the second once ended the command before its names
+/// were unregistered.
+#[test]
+fn names_are_unregistered_when_timeout_signals_twice() {
+    let home = Home::new();
+    let _server = home.serve();
+    for line in ["read /a", "rpcserver /a", "camera --name /a"] {
+        let mut command = std::process::Command::new("timeout");
+        command.args(["--signal=TERM", "3", env!("CARGO_BIN_EXE_yarp")]);
+        command.args(line.split_whitespace());
+        let running = home.spawn(command, line);
+        // Registered before the time is over.
+        let registered = home.run_until("name list", " /a ");
+        assert_eq!(registered.code, Some(0), "{line}");
+        running.finish().with(TIMED_OUT);
+        assert_eq!(home.names(), Vec::<String>::new(), "{line}");
+    }
 }
