@@ -29,6 +29,11 @@ static TURNS: LazyLock<Semaphore> = LazyLock::new(|| {
     Semaphore::new((processors / 2).max(1))
 });
 
+/// Returns whether a message is so small that reading it is bounded by its length.
+pub(crate) fn is_small(payload: &Payload) -> bool {
+    payload.len() <= LONG_WORK
+}
+
 /// Returns whether reading a message as a bottle takes long.
 pub(crate) fn takes_long(payload: &Payload) -> bool {
     let takes_long = || match payload.form() {
@@ -36,7 +41,7 @@ pub(crate) fn takes_long(payload: &Payload) -> bool {
         // A blob is read at once, however large.
         Form::Binary(_) => payload.max_bottle_size() > MANY_VALUES,
     };
-    payload.len() > LONG_WORK && takes_long()
+    !is_small(payload) && takes_long()
 }
 
 /// Waits until it is the turn of a large message to be handled. The turn ends when the permit is dropped.

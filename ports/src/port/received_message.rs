@@ -12,7 +12,7 @@ use yarp_wire::bottle::DecodeError;
 use yarp_wire::message::{Payload, ReadObject, WireObject};
 use yarp_wire::{Bottle, Stamp};
 
-use super::large_messages::{read_bottle, read_object};
+use super::large_messages::{is_small, read_bottle, read_object};
 use super::reply_channel::{ReplySender, SenderDropped};
 use crate::port_limits::Reservation;
 
@@ -82,14 +82,21 @@ impl Received {
     /// count against [`ProcessLimits::parsed_bytes`](crate::port_limits::ProcessLimits::parsed_bytes) until this message is dropped:
     /// [`DecodeError::NoMemory`] if not enough is left.
     pub fn bottle(&self) -> Result<Bottle, DecodeError> {
-        self.keep(read_bottle(&self.payload))
+        match is_small(&self.payload) {
+            true => self.payload.to_bottle(),
+            false => self.keep(read_bottle(&self.payload)),
+        }
     }
 
     /// Returns the content as any type that can travel; see [`Received::bottle`] for large messages.
     pub fn read<T: ReadObject>(&self) -> Result<T, DecodeError> {
-        self.keep(read_object(&self.payload))
+        match is_small(&self.payload) {
+            true => T::read(&self.payload),
+            false => self.keep(read_object(&self.payload)),
+        }
     }
 
+    #[cold]
     fn keep<T>(
         &self,
         read: Result<(T, Option<Reservation>), DecodeError>,
