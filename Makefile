@@ -88,7 +88,12 @@ test-can: setup
 	conformance/can/run.sh
 
 soak: setup
-	cargo run $(if $(filter dev,$(PROFILE)),--workspace $(WORKSPACE_FEATURES),--release -p yarp-conformance) --bin soak
+ifeq ($(PROFILE),dev)
+	cargo build --workspace $(WORKSPACE_FEATURES)
+	target/debug/soak
+else
+	cargo run --release -p yarp-conformance --bin soak
+endif
 
 abuse: build
 	cargo build --release -p yarp-conformance --bin abuse
