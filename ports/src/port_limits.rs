@@ -250,6 +250,11 @@ impl Budget {
         };
         reservation.grow_to(bytes).then_some(reservation)
     }
+
+    /// Gives back bytes of a reservation that was forgotten.
+    pub(crate) fn give_back(&self, bytes: usize) {
+        self.used.fetch_sub(bytes, Ordering::Relaxed);
+    }
 }
 
 /// Bytes of a budget, given back on drop.
@@ -284,7 +289,7 @@ impl Reservation {
 
 impl Drop for Reservation {
     fn drop(&mut self) {
-        self.budget.used.fetch_sub(self.bytes, Ordering::Relaxed);
+        self.budget.give_back(self.bytes);
     }
 }
 

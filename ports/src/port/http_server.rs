@@ -1,7 +1,5 @@
 //! Serving of HTTP requests.
 
-use std::sync::OnceLock;
-
 use bytes::{Bytes, BytesMut};
 use yarp_wire::connection::Message;
 use yarp_wire::http::bottle_json::{self, Outer};
@@ -15,7 +13,7 @@ use yarp_wire::{Bottle, Limits, Value, WireVersion};
 use super::input::{Connection, End, Next};
 use super::large_messages::{read_bottle, reserve_large};
 use super::port_options::Page;
-use super::received_message::Received;
+use super::received_message::{Received, ValuesReservation};
 use crate::roles::Right;
 
 /// Most answers on one page, in bytes.
@@ -186,7 +184,7 @@ impl Connection {
             wants_reply: true,
             responder: None,
             connection: self.number,
-            reservation: OnceLock::new(),
+            reservation: ValuesReservation::default(),
         };
         let (reply, _) = self.deliver(received).await;
         let mut text = BytesMut::new();

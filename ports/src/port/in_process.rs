@@ -6,7 +6,7 @@
 
 use std::collections::HashMap;
 use std::net::{IpAddr, Ipv4Addr};
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, Weak};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 use yarp_wire::carrier::{Carrier, CarrierSpec, Sender};
 use yarp_wire::message::WireObject;
@@ -20,7 +20,7 @@ use super::log_modifier;
 use super::monitor::{Chain, MonitorSide};
 use super::output::Output;
 use super::port_context::PortContext;
-use super::received_message::Received;
+use super::received_message::{Received, ValuesReservation};
 use super::send_queue::{Parcel, SendQueue};
 use super::socket_handle::SocketHandle;
 use crate::cancel::Cancelled;
@@ -177,7 +177,7 @@ impl Local {
             address: IpAddr::V4(Ipv4Addr::LOCALHOST),
             wants_reply: parcel.wants_reply,
             responder: None,
-            reservation: OnceLock::new(),
+            reservation: ValuesReservation::default(),
             connection: self.entry.id,
         };
         let monitors = self.monitors.as_ref();

@@ -5,7 +5,7 @@
 
 use std::io;
 use std::net::{IpAddr, Ipv4Addr};
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 use bytes::BytesMut;
 use tokio::task::yield_now;
@@ -19,7 +19,7 @@ use super::dedicated_thread::{ConnectionControl, DedicatedThread};
 use super::dispatch::Dispatcher;
 use super::jpeg_decoder::PooledJpegDecoder;
 use super::monitor::{Chain, MonitorSide};
-use super::received_message::Received;
+use super::received_message::{Received, ValuesReservation};
 use super::socket_handle::SocketHandle;
 use crate::connect::connect;
 use crate::error::PortError;
@@ -206,7 +206,7 @@ impl Pull {
             connection: self.connection,
             wants_reply: false,
             responder: None,
-            reservation: OnceLock::new(),
+            reservation: ValuesReservation::default(),
         };
         // Replies are impossible.
         let monitors = self.monitors.as_ref();

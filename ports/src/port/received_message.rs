@@ -3,7 +3,8 @@
 use std::net::IpAddr;
 use std::ops::Deref;
 use std::pin::Pin;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use bytes::Bytes;
 use smallbox::space::S8;
@@ -14,7 +15,7 @@ use yarp_wire::{Bottle, Stamp};
 
 use super::large_messages::{is_small, read_bottle, read_object};
 use super::reply_channel::{ReplySender, SenderDropped};
-use crate::port_limits::Reservation;
+use crate::port_limits::{PARSED_BUDGET, Reservation};
 
 /// The reply to a message: any object that can be written. Up to 64 bytes need no allocation.
 pub struct Reply(SmallBox<dyn WireObject + Send + Sync, S8>);
@@ -52,7 +53,36 @@ pub struct Received {
     /// The connection that it came over.
     pub(crate) connection: u64,
     /// Reservation for the values that were read from the content, until the message is dropped.
-    pub(crate) reservation: OnceLock<Reservation>,
+    pub(crate) reservation: ValuesReservation,
+}
+
+/// The bytes of [`PARSED_BUDGET`] that the values of a message take since they were read; given back on drop.
+///
+/// Every message carries one, so it is a number instead of an optional [`Reservation`].
+#[derive(Debug, Default)]
+pub(crate) struct ValuesReservation(AtomicUsize);
+
+impl ValuesReservation {
+    /// Keeps a reservation. Further ones are given back: the values of a message count once, however often they are read.
+    #[cold]
+    fn keep(&self, reservation: Reservation) {
+        let bytes = reservation.bytes();
+        let first = self
+            .0
+            .compare_exchange(0, bytes, Ordering::Relaxed, Ordering::Relaxed);
+        if first.is_ok() {
+            std::mem::forget(reservation);
+        }
+    }
+}
+
+impl Drop for ValuesReservation {
+    fn drop(&mut self) {
+        let bytes = *self.0.get_mut();
+        if bytes != 0 {
+            PARSED_BUDGET.give_back(bytes);
+        }
+    }
 }
 
 /// The handler's answer to a message.
@@ -103,8 +133,7 @@ impl Received {
     ) -> Result<T, DecodeError> {
         let (object, reservation) = read?;
         if let Some(reservation) = reservation {
-            // Whoever reads a message again has counted it.
-            let _ = self.reservation.set(reservation);
+            self.reservation.keep(reservation);
         }
         Ok(object)
     }

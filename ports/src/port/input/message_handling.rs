@@ -1,7 +1,6 @@
 //! Handling of the messages of a connection, and the replies.
 
 use std::pin::pin;
-use std::sync::OnceLock;
 
 use yarp_wire::Bottle;
 use yarp_wire::connection::Message;
@@ -12,7 +11,7 @@ use crate::port::admin_reply;
 use crate::port::dispatch::Dispatched;
 use crate::port::large_messages::{self, LONG_WORK, long_work, read_bottle, takes_long};
 use crate::port::log_modifier;
-use crate::port::received_message::{Answer, Received, Reply};
+use crate::port::received_message::{Answer, Received, Reply, ValuesReservation};
 use crate::port::text_commands::{HELP, NOT_UNDERSTOOD};
 use crate::roles::Right;
 
@@ -22,8 +21,6 @@ use crate::roles::Right;
 /// rest of its handling needs.
 pub(super) enum Step {
     Done(Next),
-    /// Reading it takes long: it has to wait for its turn, and the sender may want a reply.
-    Large(Received, bool),
     /// It is on its way to the owner; returns whether the sender wants a reply.
     Dispatch(Dispatch, bool),
     /// It is not for the owner, or the sender lacks the right to write.
@@ -33,6 +30,8 @@ pub(super) enum Step {
 /// A message on its way to the owner.
 pub(super) enum Dispatch {
     Direct(Dispatched),
+    /// The owner reads it at once, which takes long: it has to wait for its turn.
+    Large(Received),
     /// There is more to pass than the owner's queue.
     Watched(Received),
 }
@@ -64,12 +63,9 @@ impl Connection {
             address: self.address,
             wants_reply: reply,
             responder: None,
-            reservation: OnceLock::new(),
+            reservation: ValuesReservation::default(),
             connection: self.number,
         };
-        if self.parts.dispatcher.reads_at_once() && takes_long(&received.payload) {
-            return Step::Large(received, reply);
-        }
         let answer = match self.dispatch(received) {
             Dispatch::Direct(Dispatched::Answered(Answer::Nothing)) => (None, false),
             Dispatch::Direct(Dispatched::Answered(Answer::Reply(reply))) => (Some(reply), false),
@@ -84,10 +80,6 @@ impl Connection {
     pub(super) async fn handle_rest(&mut self, left: Step) -> Next {
         let next = match left {
             Step::Done(next) => return next,
-            Step::Large(received, reply) => {
-                let answer = Box::pin(self.deliver(received)).await;
-                self.answer(answer, reply)
-            }
             Step::Dispatch(dispatch, reply) => {
                 let answer = self.finish(dispatch).await;
                 self.answer(answer, reply)
@@ -139,14 +131,7 @@ impl Connection {
     /// Dispatches a message to the owner and waits for the reply, if one is expected; returns it
     /// and whether the connection must close after it.
     pub(in crate::port) async fn deliver(&mut self, received: Received) -> (Option<Reply>, bool) {
-        let is_long = self.parts.dispatcher.reads_at_once() && takes_long(&received.payload);
-        let dispatch = match is_long {
-            true => {
-                let length = received.payload.len();
-                self.large(length, || self.dispatch(received)).await
-            }
-            false => self.dispatch(received),
-        };
+        let dispatch = self.dispatch(received);
         self.finish(dispatch).await
     }
 
@@ -160,11 +145,15 @@ impl Connection {
         long_work(bytes, work)
     }
 
-    /// Dispatches a message to the owner directly, unless monitors or loggers are involved.
+    /// Dispatches a message to the owner directly, unless monitors or loggers are involved or reading it takes long.
     fn dispatch(&self, received: Received) -> Dispatch {
-        match self.monitors.is_some() || self.parts.dispatcher.is_watched() {
-            true => Dispatch::Watched(received),
-            false => Dispatch::Direct(self.parts.dispatcher.dispatch(received)),
+        let dispatcher = &self.parts.dispatcher;
+        if self.monitors.is_some() || dispatcher.is_watched() {
+            Dispatch::Watched(received)
+        } else if takes_long(&received.payload) && dispatcher.reads_at_once() {
+            Dispatch::Large(received)
+        } else {
+            Dispatch::Direct(dispatcher.dispatch(received))
         }
     }
 
@@ -175,6 +164,13 @@ impl Connection {
         match dispatch {
             Dispatch::Direct(dispatched) => {
                 self.wait_for(pin!(parts.dispatcher.finish(dispatched)))
+                    .await
+            }
+            Dispatch::Large(received) => {
+                let length = received.payload.len();
+                let dispatch = || parts.dispatcher.dispatch(received);
+                let dispatched = Box::pin(self.large(length, dispatch)).await;
+                self.wait_for(Box::pin(parts.dispatcher.finish(dispatched)))
                     .await
             }
             Dispatch::Watched(received) => {
