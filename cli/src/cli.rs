@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser};
-use yarp_ports::port_limits::{PARSED_BYTES_OF_SERVERS, ProcessLimits};
+use yarp_ports::port_limits::{PARSED_BYTES_OF_SERVERS, ProcessLimits, UNSENT_BYTES_OF_SERVERS};
 use yarp_wrappers::network_time;
 
 use crate::commands::Command;
@@ -82,6 +82,7 @@ pub(crate) async fn run(
                 allocator::bound_arenas();
                 ProcessLimits::current()
                     .with_parsed_bytes(PARSED_BYTES_OF_SERVERS)
+                    .with_unsent_bytes(UNSENT_BYTES_OF_SERVERS)
                     .apply();
             }
             let result = cli.command.run(prefixes, out).await;

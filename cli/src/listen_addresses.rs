@@ -1,8 +1,9 @@
 //! Addresses at which the ports of a command listen, and the hosts that can reach them.
 
-use std::net::Ipv4Addr;
+use std::net::{IpAddr, Ipv4Addr};
 
 use yarp_ports::Network;
+use yarp_ports::roles::{Peer, Right};
 use yarp_wire::settings::Settings;
 
 /// The option of every command that serves a device.
@@ -48,13 +49,31 @@ fn expected(text: &str) -> String {
     format!("--bind {text}: expected an IPv4 address of this machine, or 0.0.0.0 for all")
 }
 
-/// Warns if a device that moves can be reached from other hosts by anybody; `name` is what the user calls it.
+/// A peer with an address that is in no network, reserved for documentation (RFC 5737).
+pub(crate) const UNKNOWN_PEER: Peer<'static> = Peer {
+    name: "/unknown",
+    address: IpAddr::V4(Ipv4Addr::new(192, 0, 2, 255)),
+};
+
+/// Ports of devices that take motion commands, below the name of the device.
+const COMMAND_PORTS: [&str; 2] = ["rpc:i", "command:i"];
+
+/// Warns if any other host may move a device; `name` is what the user calls it.
 pub(crate) fn warn_if_open(network: &Network, name: &str) {
     let address = network.listen_address();
-    if !address.is_loopback() && network.key().is_none() && !network.roles().are_any() {
+    let roles = network.roles();
+    let is_open = |port: &&str| {
+        let port = format!("{name}/{port}");
+        roles.rights(&port, UNKNOWN_PEER).has(Right::Write)
+    };
+    let open_port = COMMAND_PORTS.iter().find(|port| is_open(port));
+    if let Some(port) = open_port
+        && !address.is_loopback()
+        && network.key().is_none()
+    {
         tracing::warn!(
-            "{name} moves, and whoever reaches {address} can move it: add a key (auth.conf) or roles (roles.conf), or \
-             listen on this machine alone with --bind 127.0.0.1"
+            "{name} moves, and any host that reaches {address} can move it: add a key (auth.conf) or a role that names \
+             {name}/{port} (roles.conf), or listen on this machine alone with --bind 127.0.0.1"
         );
     }
 }

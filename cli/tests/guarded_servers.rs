@@ -166,8 +166,14 @@ fn who_may_move_an_arm_is_told() {
         "running happily",
         false,
     );
-    std::fs::write(&roles, "[everybody]\nports /*\nrights all\n").unwrap();
+    // A role that is about other ports protects nothing.
+    let role = |text: &str| std::fs::write(&roles, text).unwrap();
+    role("[us]\nports /other\nat local\nrights all\n");
+    check("up --bind 0.0.0.0", "Ctrl-C ends it.", true);
+    role("[us]\nports /wam/*\nat local\nrights all\n");
     check("up --bind 0.0.0.0", "Ctrl-C ends it.", false);
+    role("[everybody]\nports /*\nrights all\n");
+    check("up --bind 0.0.0.0", "Ctrl-C ends it.", true);
 }
 
 /// Runs a command in a shell that this text prepares.

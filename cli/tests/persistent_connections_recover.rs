@@ -31,14 +31,16 @@ fn check(home: &Home, carrier: &str, test: &str) {
     ends.1.signal("INT").finish().with(0);
     ends.1 = reader();
     ends.0.reaches(&mut ends.1, "once more");
-    home.run(&format!("exists /{test}/w {carrier}://{test}/r")).with(0);
+    home.run(&format!("exists /{test}/w {carrier}://{test}/r"))
+        .with(0);
 }
 
 #[test]
 fn persistent_connections_are_restored() {
     let home = Home::new();
     let _server = home.serve();
-    home.run("connect --persist /restored/w /restored/r").with(0);
+    home.run("connect --persist /restored/w /restored/r")
+        .with(0);
     check(&home, "tcp", "restored");
 }
 
@@ -46,7 +48,8 @@ fn persistent_connections_are_restored() {
 fn persistent_connections_keep_their_carrier() {
     let home = Home::new();
     let _server = home.serve();
-    home.run("connect --persist /carrier/w /carrier/r fast_tcp").with(0);
+    home.run("connect --persist /carrier/w /carrier/r fast_tcp")
+        .with(0);
     check(&home, "fast_tcp", "carrier");
 }
 

@@ -4,6 +4,8 @@
 #   conformance/live/run.sh           all suites
 #   conformance/live/run.sh copies    those that have this in their title
 #
+# HALF=programs runs the first half, HALF=servers the second, HALF=none only installs and builds. `in_halves.sh` runs both at once.
+#
 # PROFILE=dev tries the programs that the tests were built with, which check more and are slower, instead of a release.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
@@ -63,175 +65,182 @@ suite() {
 }
 python=$STOCK/bin/python
 
+conformance/live/setup.sh
 cargo build --quiet "${build[@]}"
 cargo build --quiet -p yarp-ports --example mjpeg_images
 cargo build --quiet -p yarp-wire --example bottle --example typed --example settings
 
-suite "text of bottles" "$with_stock" "$python" conformance/live/bottle_text.py target/debug/examples/bottle
+# Suites that start their name servers themselves.
+try_programs() {
+    suite "text of bottles" "$with_stock" "$python" conformance/live/bottle_text.py target/debug/examples/bottle
 
-suite "configuration files and command lines" "$with_stock" "$python" conformance/live/settings.py \
-    target/debug/examples/settings
-suite "where files are found" "$python" conformance/live/resources.py "$ours" "$with_stock"
+    suite "configuration files and command lines" "$with_stock" "$python" conformance/live/settings.py \
+        target/debug/examples/settings
+    suite "where files are found" "$python" conformance/live/resources.py "$ours" "$with_stock"
 
-g++ -O1 -std=c++17 -include cstdint conformance/live/typed_peer.cpp -I"$stock_package/include" \
-    -L"$stock_package/lib" -lYARP_os -lYARP_sig -lYARP_init -o "$work/typed_peer"
-g++ -O1 -std=c++17 -include cstdint conformance/live/logger_peer.cpp -I"$stock_package/include" \
-    -L"$stock_package/lib" -lYARP_logger -lYARP_os -lYARP_init -o "$work/logger_peer"
-suite "typed messages" "$with_stock" "$python" conformance/live/typed.py target/debug/examples/typed "$work/typed_peer"
+    g++ -O1 -std=c++17 -include cstdint conformance/live/typed_peer.cpp -I"$stock_package/include" \
+        -L"$stock_package/lib" -lYARP_os -lYARP_sig -lYARP_init -o "$work/typed_peer"
+    suite "typed messages" "$with_stock" "$python" conformance/live/typed.py target/debug/examples/typed "$work/typed_peer"
 
-suite "requests to the name server" "$python" conformance/live/name_server.py \
-    --our-yarp "$ours" --stock-server "$with_stock" yarpserver
-if ! command -v ip >/dev/null; then
-    echo "live: installing iproute2 for network namespaces"
-    if [ "$(id -u)" = 0 ]; then as_root=""; else as_root="sudo"; fi
-    $as_root apt-get update -q && $as_root apt-get install -y -q iproute2 </dev/null ||
-        echo "live: iproute2 is missing; the two hosts will fail" >&2
-fi
-suite "two hosts and a link that goes down and up" \
-    python3 conformance/live/two_hosts.py "$ours" "$built/hosts"
-suite "what another host and another user may not do" python3 conformance/live/untrusted_peers.py "$ours"
+    suite "requests to the name server" "$python" conformance/live/name_server.py \
+        --our-yarp "$ours" --stock-server "$with_stock" yarpserver
+    suite "two hosts and a link that goes down and up" \
+        python3 conformance/live/two_hosts.py "$ours" "$built/hosts"
+    suite "what another host and another user may not do" python3 conformance/live/untrusted_peers.py "$ours"
 
-if ! command -v cvlc >/dev/null; then
-    echo "live: installing VLC without its windows, 35 MB"
-    if [ "$(id -u)" = 0 ]; then as_root=""; else as_root="sudo"; fi
-    $as_root apt-get update -q &&
-        $as_root apt-get install -y -q --no-install-recommends vlc-bin vlc-plugin-base </dev/null ||
-        echo "live: VLC is missing; watching pictures will fail" >&2
-fi
-suite "VLC watches an image port" python3 conformance/live/vlc.py target/debug/examples/mjpeg_images
+    suite "VLC watches an image port" python3 conformance/live/vlc.py target/debug/examples/mjpeg_images
 
-for server in ours stock; do
-    suite "the yarp command, server: $server" "$python" conformance/live/cli.py \
-        --stock-yarp "$STOCK/bin/yarp" --our-yarp "$ours" --server "$server"
-    suite "connections that last, server: $server" "$python" conformance/live/lasting.py \
-        --stock-yarp "$STOCK/bin/yarp" --our-yarp "$ours" --server "$server"
-done
-
-conformance/web/setup.sh
-suite "the page of the name server in a browser" "$python" conformance/web/name_server.py \
-    --yarp "$ours" --with-stock "$with_stock" --out target/web
-suite "ports of ours in a browser" "$python" conformance/web/ports.py \
-    --yarp "$ours" --pictures target/debug/examples/mjpeg_images --out target/web
-suite "pages of other origins in a browser" "$python" conformance/web/origins.py \
-    --yarp "$ours" --pictures target/debug/examples/mjpeg_images
-suite "the live view in a browser" "$python" conformance/web/view.py --yarp "$ours" --out target/web
-for server in ours stock; do
-    suite "keys of auth.conf, server: $server" "$python" conformance/live/auth.py \
-        --stock-yarp "$STOCK/bin/yarp" --our-yarp "$ours" --server "$server"
-done
-
-suite "several name servers at once" "$python" conformance/live/namespaces.py \
-    --stock-yarp "$STOCK/bin/yarp" --our-yarp "$ours"
-# Two networks, one server: what needs to make networks needs root.
-if [ "$(id -u)" = 0 ]; then as_root=""; else as_root="sudo"; fi
-suite "a name server with legs in two networks" $as_root env STOCK="$STOCK" \
-    conformance/live/networks.sh "$ours" "$with_stock"
-
-# An arm of ours, driven by the stock client, on a name server of ours and on one of stock's.
-port=15510
-for server in ours stock; do
-    export YARP_CONFIG_HOME=$work/$server YARP_DATA_HOME=$work/$server/data
-    mkdir -p "$YARP_CONFIG_HOME"
-    if [ "$server" = ours ]; then
-        "$ours" server --ip 127.0.0.1 --socket $port --write >"$work/server.log" 2>&1 &
-    else
-        "$with_stock" yarpserver --ip 127.0.0.1 --socket $port --write >"$work/server.log" 2>&1 &
-    fi
-    running+=($!)
-    until_ok "$ours" where
-    # Whoever has no configuration finds the server by multicast: stock ours, ours stock's.
-    if [ "$server" = ours ]; then finder=("$with_stock" yarp detect); else finder=("$ours" detect); fi
-    suite "the other side finds the name server, server: $server" \
-        env YARP_CONFIG_HOME="$work/empty" conformance/live/says.sh "port $port" "${finder[@]}"
-
-    mkdir -p "$work/$server/tmp"
-    suite "messages within one machine, server: $server" \
-        env TMPDIR="$work/$server/tmp" YARP_RUNTIME_DIR="$work/$server/tmp" \
-        "$with_stock" "$python" conformance/live/carriers.py "$ours" "$with_stock yarp"
-    suite "clocks, server: $server" \
-        "$with_stock" "$python" conformance/live/clock.py "$ours" "$with_stock yarp"
-    suite "the log in stock's logger, server: $server" \
-        "$with_stock" "$python" conformance/live/log_forwarding.py "$ours" "$work/logger_peer"
-    # Stock's unix_stream needs this, or a user with a name.
-    suite "copies of what ports receive, server: $server" \
-        env TMPDIR="$work/$server/tmp" YARP_RUNTIME_DIR="$work/$server/tmp" \
-        "$with_stock" "$python" conformance/live/copies.py "$ours" "$with_stock yarp"
-    suite "pictures, server: $server" "$with_stock" "$python" conformance/live/mjpeg.py "$ours"
-    suite "pages that talk in frames, server: $server" \
-        "$with_stock" "$python" conformance/live/websocket.py "$ours" "$with_stock yarp"
-
-    "$ours" up --name /wam --cartesian >"$work/up.log" 2>&1 &
-    arm=$!
-    running+=($arm)
-    until_ok "$ours" exists /wam/stateExt:o
-    for carrier in tcp udp; do
-        suite "stock remote_controlboard over $carrier, server: $server" \
-            "$with_stock" "$python" conformance/live/remote_controlboard.py /wam $carrier
+    for server in ours stock; do
+        suite "the yarp command, server: $server" "$python" conformance/live/cli.py \
+            --stock-yarp "$STOCK/bin/yarp" --our-yarp "$ours" --server "$server"
+        suite "connections that last, server: $server" "$python" conformance/live/lasting.py \
+            --stock-yarp "$STOCK/bin/yarp" --our-yarp "$ours" --server "$server"
     done
-    suite "stock's yarp read hears the ends of moves, server: $server" \
-        "$with_stock" "$python" conformance/live/finished_moves.py /wam "$with_stock yarp"
-    suite "modifiers of carriers, server: $server" \
-        "$with_stock" "$python" conformance/live/monitors.py "$ours" \
-        depthimage_to_mono depthimage_to_rgb depthimage_compression_zlib
-    suite "who is heard of several writers, server: $server" \
-        "$with_stock" "$python" conformance/live/priority.py "$ours" "$with_stock yarp"
-    until_ok "$ours" exists /cartController/wam/rpc:i
-    suite "stock tools talk with the controller of a tool, server: $server" \
-        "$with_stock" "$python" conformance/live/cartesian.py /cartController/wam
-    suite "yarp up ends cleanly" bash -c "kill -INT $arm; for i in \$(seq 100); do kill -0 $arm 2>/dev/null || exit 0; sleep 0.1; done; exit 1"
-    line=$work/$server/line-of-the-hand
-    "$ours" hand-sim --link "$line" >"$work/hand-sim.log" 2>&1 &
-    running+=($!)
-    until_ok test -e "$line"
-    "$ours" hand-board --serial "$line" >"$work/hand-board.log" 2>&1 &
-    running+=($!)
-    until_ok "$ours" exists /hand/hand/rpc:i
-    suite "stock moves the fingers of a hand, and types to it, server: $server" \
-        "$with_stock" "$python" conformance/live/hand.py /hand
-    "$ours" up --arm dynamic --name /dynamic >"$work/dynamic.log" 2>&1 &
-    running+=($!)
-    until_ok "$ours" exists /dynamic/stateExt:o
-    suite "stock remote_controlboard pushes an arm with masses, server: $server" \
-        "$with_stock" "$python" conformance/live/dynamic_arm.py /dynamic
-    left=$("$ours" name list | grep -c -e ' /wam/' -e ' /cartController/' || true)
-    suite "no name is left behind" test "$left" = 0
 
-    "$ours" up --arm embedded --name /embedded --ports 14321,14323 >"$work/embedded.log" 2>&1 &
-    running+=($!)
-    "$ours" wam-node --arm simulated --ports 14321,14323 >"$work/node.log" 2>&1 &
-    running+=($!)
-    until_ok "$ours" exists /embedded/stateExt:o
-    suite "stock remote_controlboard drives an arm behind its PC, server: $server" \
-        "$with_stock" "$python" conformance/live/embedded_arm.py /embedded
+    suite "the page of the name server in a browser" "$python" conformance/web/name_server.py \
+        --yarp "$ours" --with-stock "$with_stock" --out target/web
+    suite "ports of ours in a browser" "$python" conformance/web/ports.py \
+        --yarp "$ours" --pictures target/debug/examples/mjpeg_images --out target/web
+    suite "pages of other origins in a browser" "$python" conformance/web/origins.py \
+        --yarp "$ours" --pictures target/debug/examples/mjpeg_images
+    suite "the live view in a browser" "$python" conformance/web/view.py --yarp "$ours" --out target/web
+    for server in ours stock; do
+        suite "keys of auth.conf, server: $server" "$python" conformance/live/auth.py \
+            --stock-yarp "$STOCK/bin/yarp" --our-yarp "$ours" --server "$server"
+    done
 
-    "$with_stock" yarpdev --device controlBoard_nws_yarp --subdevice fakeMotionControl \
-        --name /fake --period 0.02 --GENERAL::Joints 3 >"$work/fake.log" 2>&1 &
-    running+=($!)
-    until_ok "$ours" exists /fake/stateExt:o
-    suite "our client drives stock's control board, server: $server" "$built/drive_stock" /fake
-    suite "devices and robots from the same files, server: $server" \
-        "$with_stock" "$python" conformance/live/hosting.py "$ours"
+    suite "several name servers at once" "$python" conformance/live/namespaces.py \
+        --stock-yarp "$STOCK/bin/yarp" --our-yarp "$ours"
+    # Two networks, one server: what needs to make networks needs root.
+    if [ "$(id -u)" = 0 ]; then as_root=""; else as_root="sudo"; fi
+    suite "a name server with legs in two networks" $as_root env STOCK="$STOCK" \
+        conformance/live/networks.sh "$ours" "$with_stock"
+}
 
-    suite "stock's client reads our sensors, and ours stock's, server: $server" \
-        "$with_stock" "$python" conformance/live/analog_sensors.py "$ours"
+# Suites that run once with a name server of ours and once with one of stock's.
+try_servers() {
+    g++ -O1 -std=c++17 -include cstdint conformance/live/logger_peer.cpp -I"$stock_package/include" \
+        -L"$stock_package/lib" -lYARP_logger -lYARP_os -lYARP_init -o "$work/logger_peer"
+    # An arm of ours, driven by the stock client, on a name server of ours and on one of stock's.
+    port=15510
+    for server in ours stock; do
+        export YARP_CONFIG_HOME=$work/$server YARP_DATA_HOME=$work/$server/data
+        mkdir -p "$YARP_CONFIG_HOME"
+        if [ "$server" = ours ]; then
+            "$ours" server --ip 127.0.0.1 --socket $port --write >"$work/server.log" 2>&1 &
+        else
+            "$with_stock" yarpserver --ip 127.0.0.1 --socket $port --write >"$work/server.log" 2>&1 &
+        fi
+        running+=($!)
+        until_ok "$ours" where
+        # Whoever has no configuration finds the server by multicast: stock ours, ours stock's.
+        if [ "$server" = ours ]; then finder=("$with_stock" yarp detect); else finder=("$ours" detect); fi
+        suite "the other side finds the name server, server: $server" \
+            env YARP_CONFIG_HOME="$work/empty" conformance/live/says.sh "port $port" "${finder[@]}"
 
-    "$ours" camera --name /eye --mode grid --width 32 --height 24 >"$work/camera.log" 2>&1 &
-    running+=($!)
-    until_ok "$ours" exists /eye
-    "$ours" camera --name /fire --mode grid --width 32 --height 24 --firewire >"$work/firewire.log" 2>&1 &
-    running+=($!)
-    until_ok "$ours" exists /fire
-    suite "stock's clients look through our camera, server: $server" \
-        "$with_stock" "$python" conformance/live/frame_grabber.py /eye /fire
-    "$with_stock" yarpdev --device frameGrabber_nws_yarp --subdevice fakeFrameGrabber \
-        --name /fakecam --width 32 --height 24 --mode line >"$work/fakecam.log" 2>&1 &
-    running+=($!)
-    until_ok "$ours" exists /fakecam
-    suite "our client looks through stock's camera, server: $server" "$built/drive_camera" /fakecam 3.x
-    stop
-    # Numbers that the first server gave out may still be busy.
-    port=$((port + 1000))
-done
+        mkdir -p "$work/$server/tmp"
+        suite "messages within one machine, server: $server" \
+            env TMPDIR="$work/$server/tmp" YARP_RUNTIME_DIR="$work/$server/tmp" \
+            "$with_stock" "$python" conformance/live/carriers.py "$ours" "$with_stock yarp"
+        suite "clocks, server: $server" \
+            "$with_stock" "$python" conformance/live/clock.py "$ours" "$with_stock yarp"
+        suite "the log in stock's logger, server: $server" \
+            "$with_stock" "$python" conformance/live/log_forwarding.py "$ours" "$work/logger_peer"
+        # Stock's unix_stream needs this, or a user with a name.
+        suite "copies of what ports receive, server: $server" \
+            env TMPDIR="$work/$server/tmp" YARP_RUNTIME_DIR="$work/$server/tmp" \
+            "$with_stock" "$python" conformance/live/copies.py "$ours" "$with_stock yarp"
+        suite "pictures, server: $server" "$with_stock" "$python" conformance/live/mjpeg.py "$ours"
+        suite "pages that talk in frames, server: $server" \
+            "$with_stock" "$python" conformance/live/websocket.py "$ours" "$with_stock yarp"
+
+        "$ours" up --name /wam --cartesian >"$work/up.log" 2>&1 &
+        arm=$!
+        running+=($arm)
+        until_ok "$ours" exists /wam/stateExt:o
+        for carrier in tcp udp; do
+            suite "stock remote_controlboard over $carrier, server: $server" \
+                "$with_stock" "$python" conformance/live/remote_controlboard.py /wam $carrier
+        done
+        suite "stock's yarp read hears the ends of moves, server: $server" \
+            "$with_stock" "$python" conformance/live/finished_moves.py /wam "$with_stock yarp"
+        suite "modifiers of carriers, server: $server" \
+            "$with_stock" "$python" conformance/live/monitors.py "$ours" \
+            depthimage_to_mono depthimage_to_rgb depthimage_compression_zlib
+        suite "who is heard of several writers, server: $server" \
+            "$with_stock" "$python" conformance/live/priority.py "$ours" "$with_stock yarp"
+        until_ok "$ours" exists /cartController/wam/rpc:i
+        suite "stock tools talk with the controller of a tool, server: $server" \
+            "$with_stock" "$python" conformance/live/cartesian.py /cartController/wam
+        suite "yarp up ends cleanly" bash -c "kill -INT $arm; for i in \$(seq 100); do kill -0 $arm 2>/dev/null || exit 0; sleep 0.1; done; exit 1"
+        line=$work/$server/line-of-the-hand
+        "$ours" hand-sim --link "$line" >"$work/hand-sim.log" 2>&1 &
+        running+=($!)
+        until_ok test -e "$line"
+        "$ours" hand-board --serial "$line" >"$work/hand-board.log" 2>&1 &
+        running+=($!)
+        until_ok "$ours" exists /hand/hand/rpc:i
+        suite "stock moves the fingers of a hand, and types to it, server: $server" \
+            "$with_stock" "$python" conformance/live/hand.py /hand
+        "$ours" up --arm dynamic --name /dynamic >"$work/dynamic.log" 2>&1 &
+        running+=($!)
+        until_ok "$ours" exists /dynamic/stateExt:o
+        suite "stock remote_controlboard pushes an arm with masses, server: $server" \
+            "$with_stock" "$python" conformance/live/dynamic_arm.py /dynamic
+        left=$("$ours" name list | grep -c -e ' /wam/' -e ' /cartController/' || true)
+        suite "no name is left behind" test "$left" = 0
+
+        "$ours" up --arm embedded --name /embedded --ports 14321,14323 >"$work/embedded.log" 2>&1 &
+        running+=($!)
+        "$ours" wam-node --arm simulated --ports 14321,14323 >"$work/node.log" 2>&1 &
+        running+=($!)
+        until_ok "$ours" exists /embedded/stateExt:o
+        suite "stock remote_controlboard drives an arm behind its PC, server: $server" \
+            "$with_stock" "$python" conformance/live/embedded_arm.py /embedded
+
+        "$with_stock" yarpdev --device controlBoard_nws_yarp --subdevice fakeMotionControl \
+            --name /fake --period 0.02 --GENERAL::Joints 3 >"$work/fake.log" 2>&1 &
+        running+=($!)
+        until_ok "$ours" exists /fake/stateExt:o
+        suite "our client drives stock's control board, server: $server" "$built/drive_stock" /fake
+        suite "devices and robots from the same files, server: $server" \
+            "$with_stock" "$python" conformance/live/hosting.py "$ours"
+
+        suite "stock's client reads our sensors, and ours stock's, server: $server" \
+            "$with_stock" "$python" conformance/live/analog_sensors.py "$ours"
+
+        "$ours" camera --name /eye --mode grid --width 32 --height 24 >"$work/camera.log" 2>&1 &
+        running+=($!)
+        until_ok "$ours" exists /eye
+        "$ours" camera --name /fire --mode grid --width 32 --height 24 --firewire >"$work/firewire.log" 2>&1 &
+        running+=($!)
+        until_ok "$ours" exists /fire
+        suite "stock's clients look through our camera, server: $server" \
+            "$with_stock" "$python" conformance/live/frame_grabber.py /eye /fire
+        "$with_stock" yarpdev --device frameGrabber_nws_yarp --subdevice fakeFrameGrabber \
+            --name /fakecam --width 32 --height 24 --mode line >"$work/fakecam.log" 2>&1 &
+        running+=($!)
+        until_ok "$ours" exists /fakecam
+        suite "our client looks through stock's camera, server: $server" "$built/drive_camera" /fakecam 3.x
+        stop
+        # Numbers that the first server gave out may still be busy.
+        port=$((port + 1000))
+    done
+}
+
+case ${HALF:-both} in
+both)
+    try_programs
+    try_servers
+    ;;
+programs) try_programs ;;
+servers) try_servers ;;
+none) exit 0 ;;
+*)
+    echo "live: HALF is programs, servers or none, not $HALF" >&2
+    exit 1
+    ;;
+esac
 
 if [ $failed != 0 ]; then
     tail -n 40 "$work/failures"

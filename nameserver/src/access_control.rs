@@ -18,7 +18,12 @@ pub(crate) fn refusal(
 ) -> Option<String> {
     let (right, ports) = needed(own, command.rules().needs);
     let mut ports = ports.into_iter();
-    let port = ports.find(|port| !roles.rights(port, peer).has(right))?;
+    // The server's own connection asks the ports, so they cannot tell that another machine wants it.
+    let rights = |port: &str| match right {
+        Right::Connect => roles.rights_at_port(port, peer),
+        _ => roles.rights(port, peer),
+    };
+    let port = ports.find(|port| !rights(port).has(right))?;
     Some(format!(
         "roles.conf gives {peer} no right to {right} on {port}"
     ))
@@ -47,5 +52,37 @@ fn needed<'a>(own: &'a str, needs: Needs<'a>) -> (Right, Vec<&'a str>) {
         Needs::ConnectBoth(source, destination) => {
             (Connect, vec![bare_name(source), bare_name(destination)])
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::net::IpAddr;
+
+    use super::*;
+
+    /// The server makes the connection itself, so that the ports take it for one of this machine.
+    #[test]
+    fn other_hosts_have_no_ports_connected_that_no_role_names() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("roles.conf");
+        std::fs::write(&file, "[us]\nports /wam/*\nat local\nrights all\n").unwrap();
+        let roles = Roles::from_file(&file).unwrap();
+        let asked = |address: &str, source: &str, destination: &str| {
+            let peer = Peer {
+                name: "/asker",
+                address: address.parse::<IpAddr>().unwrap(),
+            };
+            let command = Command::Subscribe {
+                source: source.to_owned(),
+                destination: destination.to_owned(),
+                mode: String::new(),
+            };
+            refusal(&roles, "/root", peer, &command).is_some()
+        };
+        assert!(asked("192.0.2.255", "/a", "tcp://b"));
+        assert!(asked("192.0.2.255", "/a", "/wam/rpc:i"));
+        assert!(!asked("127.0.0.1", "/a", "tcp://b"));
+        assert!(!asked("127.0.0.1", "/a", "/wam/rpc:i"));
     }
 }

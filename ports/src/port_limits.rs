@@ -13,6 +13,7 @@
 //! | bytes of incomplete messages beyond 1 MiB each, all connections together | 1.5 GiB | [`ProcessLimits::incoming_bytes`] |
 //! | bytes that compressed messages, until they are dropped, and pictures, while they are decoded, expand to, all together | 48 MiB | [`ProcessLimits::expanded_bytes`] |
 //! | bytes of the values of messages above 64 KiB that are read as bottles, until the messages are dropped, all together | 256 MiB; `yarp up` and other servers 16 MiB | [`ProcessLimits::parsed_bytes`] |
+//! | bytes of replies that peers have not read, beyond 128 KiB of each connection, all together; a single one may be larger | 256 MiB; `yarp up` and other servers 16 MiB | [`ProcessLimits::unsent_bytes`] |
 //! | expansions at a time | half of the processors | - |
 //! | monitors of a connection; of these, expansions | 16; 1 | - |
 //! | properties of a port | 1024, 64 KiB in all | - |
@@ -59,6 +60,10 @@ const EXPANDED_BYTES: usize = 48 << 20;
 const PARSED_BYTES: usize = 256 << 20;
 /// The same for programs that serve devices or names, which take no such bottles.
 pub const PARSED_BYTES_OF_SERVERS: usize = 16 << 20;
+/// Bytes of unsent replies unless told otherwise.
+const UNSENT_BYTES: usize = 256 << 20;
+/// The same for programs that serve devices or names.
+pub const UNSENT_BYTES_OF_SERVERS: usize = 16 << 20;
 
 /// Limits that all ports of the process share.
 ///
@@ -87,6 +92,9 @@ pub struct ProcessLimits {
     /// Bytes that the values of messages take that were read as bottles, all together: each until the message is dropped.
     /// Only messages of more than 64 KiB count.
     pub parsed_bytes: usize,
+    /// Bytes of replies that peers have not read, beyond 128 KiB of each connection, all together. A connection whose
+    /// reply exceeds them is closed, unless it is the only one.
+    pub unsent_bytes: usize,
 }
 
 impl Default for ProcessLimits {
@@ -98,6 +106,7 @@ impl Default for ProcessLimits {
             incoming_bytes: INCOMING_BYTES,
             expanded_bytes: EXPANDED_BYTES,
             parsed_bytes: PARSED_BYTES,
+            unsent_bytes: UNSENT_BYTES,
         }
     }
 }
@@ -110,6 +119,7 @@ static DATAGRAM_INPUTS: AtomicUsize = AtomicUsize::new(DERIVED);
 static HEADER_MILLIS: AtomicU64 = AtomicU64::new(HEADER_TIMEOUT.as_millis() as u64);
 static INCOMING: AtomicUsize = AtomicUsize::new(INCOMING_BYTES);
 static PARSED: AtomicUsize = AtomicUsize::new(PARSED_BYTES);
+static UNSENT: AtomicUsize = AtomicUsize::new(UNSENT_BYTES);
 static EXPANDED: AtomicUsize = AtomicUsize::new(EXPANDED_BYTES);
 
 impl ProcessLimits {
@@ -125,6 +135,7 @@ impl ProcessLimits {
             incoming_bytes: INCOMING.load(Ordering::Relaxed),
             expanded_bytes: EXPANDED.load(Ordering::Relaxed),
             parsed_bytes: PARSED.load(Ordering::Relaxed),
+            unsent_bytes: UNSENT.load(Ordering::Relaxed),
         }
     }
 
@@ -140,6 +151,7 @@ impl ProcessLimits {
         INCOMING.store(self.incoming_bytes, Ordering::Relaxed);
         EXPANDED.store(self.expanded_bytes, Ordering::Relaxed);
         PARSED.store(self.parsed_bytes, Ordering::Relaxed);
+        UNSENT.store(self.unsent_bytes, Ordering::Relaxed);
     }
 
     /// Returns the same limits with another number of incoming connections.
@@ -175,6 +187,12 @@ impl ProcessLimits {
     /// Returns the same limits with other bytes of the values of messages.
     pub fn with_parsed_bytes(mut self, bytes: usize) -> Self {
         self.parsed_bytes = bytes;
+        self
+    }
+
+    /// Returns the same limits with other bytes of unsent replies.
+    pub fn with_unsent_bytes(mut self, bytes: usize) -> Self {
+        self.unsent_bytes = bytes;
         self
     }
 }
@@ -234,6 +252,12 @@ pub(crate) static PARSED_BUDGET: Budget = Budget {
     used: AtomicUsize::new(0),
 };
 
+/// Budget of replies that peers have not read.
+pub(crate) static UNSENT_BUDGET: Budget = Budget {
+    limit: &UNSENT,
+    used: AtomicUsize::new(0),
+};
+
 /// Budget of expanded messages and pictures.
 #[cfg(any(feature = "jpeg", feature = "zlib"))]
 pub(crate) static EXPANSION_BUDGET: Budget = Budget {
@@ -249,6 +273,19 @@ impl Budget {
             bytes: 0,
         };
         reservation.grow_to(bytes).then_some(reservation)
+    }
+
+    /// Returns a reservation of so many bytes, which may exceed the budget if nothing else is reserved.
+    pub(crate) fn reserve_or_alone(&'static self, bytes: usize) -> Option<Reservation> {
+        let alone = || {
+            let used = &self.used;
+            let first = used.compare_exchange(0, bytes, Ordering::Relaxed, Ordering::Relaxed);
+            first.is_ok().then(|| Reservation {
+                budget: self,
+                bytes,
+            })
+        };
+        self.reserve(bytes).or_else(alone)
     }
 
     /// Gives back bytes of a reservation that was forgotten.

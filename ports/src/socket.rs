@@ -6,7 +6,7 @@ use std::os::fd::{AsFd, BorrowedFd};
 use std::sync::Arc;
 use std::time::Duration;
 
-use bytes::{BufMut, BytesMut};
+use bytes::{Buf, BufMut, BytesMut};
 use socket2::{SockRef, TcpKeepalive};
 use tokio::net::{TcpStream, UdpSocket};
 
@@ -267,9 +267,21 @@ pub(crate) async fn read_exactly(
     Ok(())
 }
 
+/// Writes what the system takes without waiting.
+pub(crate) fn write_now(stream: &Socket, output: &mut BytesMut) -> io::Result<()> {
+    while !output.is_empty() {
+        match stream.try_write(output) {
+            Ok(0) => return Err(io::ErrorKind::WriteZero.into()),
+            Ok(written) => output.advance(written),
+            Err(error) if error.kind() == io::ErrorKind::WouldBlock => return Ok(()),
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(())
+}
+
 /// Writes all of `output` and empties it.
 pub(crate) async fn write_all(stream: &Socket, output: &mut BytesMut) -> io::Result<()> {
-    use bytes::Buf;
     while !output.is_empty() {
         match stream.try_write(output) {
             Ok(0) => return Err(io::ErrorKind::WriteZero.into()),

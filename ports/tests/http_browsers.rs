@@ -380,3 +380,28 @@ async fn a_page_that_is_read_shows_what_stands_under_web() {
     // No text is no end of the page.
     assert!(page.contains("<pre>web &quot;&quot;</pre>"), "{page}");
 }
+
+#[tokio::test]
+async fn other_methods_get_an_http_response() {
+    let port = open("/port", PortOptions::new().queue(Queue::Latest)).await;
+    for method in ["HEAD /", "PUT /x", "OPTIONS *", "POST /other", "DELETE /x"] {
+        let head = format!("{method} HTTP/1.1\r\nHost: localhost:1\r\n\r\n");
+        let answer = ask(Raw::to(&port).await, &head).await;
+        assert!(answer.starts_with("HTTP/1.1 405 "), "{method}: {answer}");
+        assert!(answer.contains("nosniff"), "{answer}");
+    }
+    let answer = ask(Raw::to(&port).await, "nonsense of a terminal\r\n").await;
+    assert!(!answer.starts_with("HTTP"), "{answer}");
+    within(port.close()).await;
+}
+
+/// `<img src=http://ADDRESS/r referrerpolicy=no-referrer>` of any page made the port write to it.
+#[tokio::test]
+async fn a_page_that_nothing_is_known_of_reads_no_messages() {
+    let port = open("/port", PortOptions::new()).await;
+    let head = "GET /r HTTP/1.1\r\nHost: 127.0.0.1:1\r\nUser-Agent: Mozilla/5.0\r\nAccept: image/*\r\n\r\n";
+    let answer = ask(Raw::to(&port).await, head).await;
+    assert!(answer.starts_with("HTTP/1.1 403 "), "{answer}");
+    assert!(port.outputs().is_empty());
+    within(port.close()).await;
+}

@@ -348,3 +348,35 @@ async fn a_connection_expands_once() {
     within(writer.close()).await;
     within(reader.close()).await;
 }
+
+/// Each of many connections had a whole reply, as large as it may be, in memory until it was read.
+#[tokio::test(flavor = "multi_thread")]
+#[expect(
+    clippy::await_holding_lock,
+    reason = "each test has a runtime of its own"
+)]
+async fn replies_that_are_not_read_share_a_budget() {
+    const REPLY: usize = 24 << 20;
+    let _alone = alone();
+    ProcessLimits::default().with_unsent_bytes(1 << 20).apply();
+    let options = PortOptions::new().handler(|_| Answer::reply(Bottle::of("x".repeat(REPLY))));
+    let port = open("/port", options).await;
+    // More than the budget, and nothing else is unsent.
+    let mut first = Raw::text(&port, "first").await;
+    first.send("d\r\n1\r\n").await;
+    first.expect("x").await;
+    // There is no room beside it.
+    let mut second = Raw::text(&port, "second").await;
+    second.send("d\r\n1\r\n").await;
+    let got = second.ended().await.len();
+    assert!(got < REPLY, "{got}");
+    let rest = [&b"x".repeat(REPLY - 1)[..], b"\r\n"].concat();
+    first.expect(&rest).await;
+    // Then there is again.
+    let mut third = Raw::text(&port, "third").await;
+    third.send("d\r\n1\r\n").await;
+    third.expect("x").await;
+    third.expect(&rest).await;
+    ProcessLimits::default().apply();
+    within(port.close()).await;
+}

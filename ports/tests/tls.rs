@@ -312,6 +312,63 @@ async fn who_has_no_certificate_is_told() {
     assert!(port.inputs().is_empty());
 }
 
+/// Writes to the port as a client of another implementation that trusts the lab; returns what it reads, or why it could not.
+fn written_by_other_client(
+    number: u16,
+    lab: &str,
+    certificate: Option<(String, String)>,
+) -> std::io::Result<String> {
+    use rustls::pki_types::pem::PemObject;
+    use rustls::pki_types::{CertificateDer, PrivateKeyDer};
+    use std::io::{Read, Write};
+    let mut roots = rustls::RootCertStore::empty();
+    let root = CertificateDer::from_pem_slice(lab.as_bytes()).unwrap();
+    roots.add(root).unwrap();
+    let provider = std::sync::Arc::new(rustls::crypto::ring::default_provider());
+    let builder = rustls::ClientConfig::builder_with_provider(provider)
+        .with_protocol_versions(&[&rustls::version::TLS13])
+        .unwrap()
+        .with_root_certificates(roots);
+    let config = match certificate {
+        None => builder.with_no_client_auth(),
+        Some((chain, key)) => {
+            let chain = vec![CertificateDer::from_pem_slice(chain.as_bytes()).unwrap()];
+            let key = PrivateKeyDer::from_pem_slice(key.as_bytes()).unwrap();
+            builder.with_client_auth_cert(chain, key).unwrap()
+        }
+    };
+    let mut session =
+        rustls::ClientConnection::new(config.into(), LAB.try_into().unwrap()).unwrap();
+    let mut tcp = std::net::TcpStream::connect(("127.0.0.1", number))?;
+    tcp.set_read_timeout(Some(DEADLINE))?;
+    let mut stream = rustls::Stream::new(&mut session, &mut tcp);
+    stream.write_all(b"CONNECT asker\r\n")?;
+    let mut welcome = [0; 15];
+    stream.read_exact(&mut welcome)?;
+    Ok(String::from_utf8_lossy(&welcome).into_owned())
+}
+
+/// The client trusts the port, and completes its part of the handshake.
+#[tokio::test]
+async fn a_client_without_a_certificate_of_the_lab_is_refused() {
+    let (lab, others) = (Authority::new(), Authority::new());
+    let port = open(&network(lab.host()), "/echo", echo()).await;
+    let written = async |certificate| {
+        let (number, lab) = (port.tcp_port(), lab.certificate.clone());
+        let writing = move || written_by_other_client(number, &lab, certificate);
+        tokio::task::spawn_blocking(writing).await.unwrap()
+    };
+    let member = written(Some(lab.certificate(LAB, VALID))).await;
+    assert_eq!(member.unwrap(), "Welcome asker\r\n");
+    for certificate in [None, Some(others.certificate(LAB, VALID))] {
+        let error = written(certificate).await.unwrap_err();
+        assert!(
+            error.to_string().contains("received fatal alert"),
+            "{error}"
+        );
+    }
+}
+
 /// A `ClientHello` as OpenSSL would send one, cut down to what TLS 1.3 asks for; its key share is no point of the curve.
 fn hello() -> Vec<u8> {
     let mut extensions = Vec::new();

@@ -165,6 +165,8 @@ impl Command {
             | Self::WamNode(_) => true,
             #[cfg(unix)]
             Self::HandSim(_) => true,
+            #[cfg(feature = "table")]
+            Self::Table(args) => args.serves(),
             #[cfg(unix)]
             Self::Run(args) => args.serves(),
             _ => false,

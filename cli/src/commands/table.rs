@@ -23,6 +23,7 @@ use yarp_wrappers::{
 };
 
 use crate::error::{Failure, Result};
+use crate::listen_addresses::{self, BindArgs};
 use crate::signals::Interrupt;
 use crate::{network_access, stock_log};
 
@@ -54,6 +55,8 @@ pub(crate) struct Args {
     /// Images a second while somebody watches, 0.1 to 30
     #[arg(long, value_name = "HERTZ", default_value_t = 5.0)]
     rate: f64,
+    #[command(flatten)]
+    bind: BindArgs,
     /// Prefix of the port names /wam, /hand, /camera and /depth
     #[arg(long, value_name = "PREFIX", default_value = "")]
     prefix: String,
@@ -93,6 +96,13 @@ fn class(word: &str) -> std::result::Result<Class, String> {
 
 fn failed(error: impl Error + Send + Sync + 'static) -> Failure {
     Failure::Table(error.into())
+}
+
+impl Args {
+    /// Returns whether it serves devices.
+    pub(super) fn serves(&self) -> bool {
+        self.action.is_none()
+    }
 }
 
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
@@ -161,7 +171,7 @@ async fn serve(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     for part in ["wam", "hand", "camera", "depth"] {
         name(part).parse::<PortName>().map_err(PortError::from)?;
     }
-    let network = network_access::network()?;
+    let network = args.bind.apply(network_access::network()?);
     let scene = scene(&args)?;
     let count = scene.objects.len();
     let mut options = LiveOptions::default();
@@ -185,6 +195,9 @@ async fn serve(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let truth = truth
         .expect("opening a port does not panic")
         .map_err(failed)?;
+    for part in ["wam", "hand"] {
+        listen_addresses::warn_if_open(&network, &name(part));
+    }
     let told = tell(&args.prefix, count, out);
     if told.is_ok() {
         crate::systemd_notify::notify_ready();

@@ -1,7 +1,8 @@
 //! The incoming connections that a process holds, those of all its ports together.
 //!
 //! A newcomer that finds no place ends another connection: first one that has not sent its header, then an anonymous one
-//! that has been idle, then a datagram input whose writer is not known, then an anonymous reader. A connection from a port
+//! that has been idle, then a datagram input whose writer is not known, then an anonymous reader. Anonymous connections that
+//! wait for a reply stay, as long as they are at most half of all. A connection from a port
 //! (a name that begins with `/`) that a name server knows is never ended for being idle; if there are only such connections,
 //! the newcomer is turned away. Whether a name server knows a port is asked once most places are taken by ports; one that is
 //! not known counts as anonymous from then on. How many places there are is in [`limits`].
@@ -134,7 +135,7 @@ impl ConnectionSlots {
     ) -> Option<ConnectionSlot> {
         let mut state = self.state();
         while state.entries.len() >= most {
-            if !state.end_one() {
+            if !state.end_one(most) {
                 return None;
             }
         }
@@ -190,7 +191,7 @@ impl ConnectionSlots {
 
     /// Ends a connection to free its descriptor; tells whether there was one to end.
     pub(super) fn make_room(&self) -> bool {
-        self.state().end_one()
+        self.state().end_one(port_limits::connections())
     }
 
     /// Ends connections whose header is overdue; tells when the next one is due.
@@ -267,9 +268,31 @@ impl State {
         tracing::debug!(phase = ?key.0, reason, "ending a connection");
     }
 
-    fn end_one(&mut self) -> bool {
+    /// Ends a connection so that another of at most `most` finds a place; returns whether there was one to end.
+    fn end_one(&mut self, most: usize) -> bool {
         let mut standings = Phase::EVICTED.into_iter();
-        standings.any(|phase| self.end_first_of(phase))
+        standings.any(|phase| self.end_first_of(phase)) || self.end_first_caller(most / 2)
+    }
+
+    /// Ends the oldest connection that waits for a reply and is not from a port, if there are more than `allowed`.
+    fn end_first_caller(&mut self, allowed: usize) -> bool {
+        let anonymous = self
+            .entries
+            .range((Phase::Silent, 0)..=(Phase::Viewer, u64::MAX));
+        let waits = |entry: &Entry| {
+            entry.activity.is_served.load(Relaxed) && !entry.activity.is_known.load(Relaxed)
+        };
+        let callers = anonymous.filter(|(_, entry)| waits(entry));
+        let numbers = callers.map(|(key, _)| *key);
+        let (count, first) = numbers.fold((0, None::<Key>), |(count, first), key| {
+            let first = first.filter(|first| first.1 < key.1).unwrap_or(key);
+            (count + 1, Some(first))
+        });
+        let is_over = count > allowed;
+        if let Some(key) = first.filter(|_| is_over) {
+            self.end(key, "too many callers wait for replies");
+        }
+        is_over
     }
 
     /// Ends the one that has been idle for longest; tells whether there is one.
@@ -530,5 +553,28 @@ mod tests {
         drop(guests);
         assert_eq!(slots.state().peers, 0);
         assert_eq!(slots.state().entries.len(), 1);
+    }
+
+    /// Requests that take long held all places, each by an anonymous caller.
+    #[test]
+    fn callers_that_wait_hold_half_of_the_places() {
+        let slots = Arc::<ConnectionSlots>::default();
+        let mut guests: Vec<_> = (0..4).map(|_| admit(&slots, 4).unwrap()).collect();
+        for guest in &mut guests {
+            guest.place.spoke();
+            guest.place.waits();
+        }
+        // A port waits as long as it likes.
+        guests[0].place.is_peer("/port");
+        assert!(
+            admit(&slots, 4).is_some(),
+            "three callers, and two may wait"
+        );
+        assert!(guests[1].has_ended());
+        let mut fifth = admit(&slots, 4).unwrap();
+        fifth.place.is_peer("/other");
+        assert!(admit(&slots, 4).is_none(), "two callers wait");
+        let ended: Vec<_> = guests.iter_mut().map(Guest::has_ended).collect();
+        assert_eq!(ended, [false, true, false, false]);
     }
 }

@@ -46,6 +46,9 @@ impl Connection {
         if request.admission.may_only_view() && !action.only_views() {
             return self.respond(&Response::refused(&Refusal::ViewOnly), &request);
         }
+        if action == Action::Read && !request.admission.may_stream() {
+            return self.respond(&Response::refused(&Refusal::Unknown), &request);
+        }
         let needed = match &action {
             Action::Ask { who, .. } => match who {
                 // Also what is asked for by its address is a message to the owner.

@@ -36,7 +36,7 @@ use crate::error::error_chain;
 use crate::latency::Tcp;
 use crate::latency::{BusyPoll, Expecting, Optimisation};
 use crate::log_text::printable;
-use crate::port_limits::{INCOMING_BUDGET, Reservation, SMALL_MESSAGE};
+use crate::port_limits::{INCOMING_BUDGET, Reservation, SMALL_MESSAGE, UNSENT_BUDGET};
 use crate::roles::{self, Peer, Right, Rights};
 use crate::socket::{self, ReadBuffer, Socket};
 use crate::udp_socket;
@@ -387,8 +387,8 @@ impl Connection {
                 };
                 match next {
                     Next::Go if self.is_turn_over(&mut turn, unsent) => {
-                        if let Err(error) = self.end_turn().await {
-                            return error.into();
+                        if let Err(end) = self.end_turn().await {
+                            return end;
                         }
                     }
                     Next::Go => {}
@@ -403,7 +403,7 @@ impl Connection {
                     Next::Datagrams(group) => return Box::pin(self.run_watched(group)).await,
                     Next::Stop(end) => {
                         // The last words; the peer may be gone.
-                        let _ = socket::write_all(&self.stream, &mut self.output).await;
+                        let _ = self.write_output().await;
                         return end;
                     }
                 }
@@ -412,8 +412,8 @@ impl Connection {
                 true => Expecting::Anything,
                 false => Expecting::Answer,
             };
-            if let Err(error) = socket::write_all(&self.stream, &mut self.output).await {
-                return error.into();
+            if let Err(end) = self.write_output().await {
+                return end;
             }
             self.header_reply_len = 0;
             let missing = self.acceptor.missing(&self.input.bytes);
@@ -459,11 +459,37 @@ impl Connection {
     }
 
     /// Sends the answers if there are many, otherwise lets other tasks run.
-    async fn end_turn(&mut self) -> std::io::Result<()> {
+    async fn end_turn(&mut self) -> Result<(), End> {
         if self.output.len() > UNSENT {
-            return socket::write_all(&self.stream, &mut self.output).await;
+            return self.write_output().await;
         }
         tokio::task::yield_now().await;
+        Ok(())
+    }
+
+    /// Sends the output. Much that the peer does not read counts against a budget of the process.
+    async fn write_output(&mut self) -> Result<(), End> {
+        if self.output.len() > UNSENT {
+            return Box::pin(self.write_large_output()).await;
+        }
+        Ok(socket::write_all(&self.stream, &mut self.output).await?)
+    }
+
+    async fn write_large_output(&mut self) -> Result<(), End> {
+        socket::write_now(&self.stream, &mut self.output)?;
+        let reservation = match self.output.len() > UNSENT {
+            true => Some(UNSENT_BUDGET.reserve_or_alone(self.output.len())),
+            false => None,
+        };
+        if let Some(None) = reservation {
+            self.output = BytesMut::new();
+            return Err(End::Full(
+                "peers leave too many replies of this process unread",
+            ));
+        }
+        socket::write_all(&self.stream, &mut self.output).await?;
+        // The memory of a large reply does not stay with the connection.
+        self.output = BytesMut::new();
         Ok(())
     }
 
@@ -566,7 +592,7 @@ impl Connection {
             tokio::time::sleep(FIRST_REPLY_DELAY).await;
         }
         // A peer that is gone is noticed when it is read from.
-        let _ = socket::write_all(&self.stream, &mut self.output).await;
+        let _ = self.write_output().await;
     }
 
     /// Records that the peer is active.

@@ -153,7 +153,7 @@ impl Roles {
     ///
     /// Returns the rights as [`Roles::rights`] does; but where there are roles and none names the port, connecting and administering it is for
     /// programs of this machine.
-    pub(crate) fn rights_at_port(&self, port: &str, peer: Peer<'_>) -> Rights {
+    pub fn rights_at_port(&self, port: &str, peer: Peer<'_>) -> Rights {
         match &self.0 {
             None => Rights::ALL,
             Some(watched) => {

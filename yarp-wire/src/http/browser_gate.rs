@@ -57,6 +57,8 @@ pub struct Gate {
 #[derive(Clone, Debug, Default, Eq, PartialEq)]
 pub struct Admission {
     views_only: bool,
+    /// A browser asks, and nothing tells which page.
+    is_of_unknown_page: bool,
     origin: Option<String>,
 }
 
@@ -64,6 +66,11 @@ impl Admission {
     /// Returns whether nothing may be delivered, commanded or administered on behalf of this request.
     pub fn may_only_view(&self) -> bool {
         self.views_only
+    }
+
+    /// Returns whether a page may show it as a stream: no if nothing tells which page asks.
+    pub fn may_stream(&self) -> bool {
+        !self.is_of_unknown_page
     }
 
     /// Returns the allowed origin on whose behalf the request comes, if it is not the port's own.
@@ -173,6 +180,8 @@ impl Gate {
             }
             relation => Ok(Admission {
                 views_only: !changes,
+                is_of_unknown_page: matches!(relation, Relation::Unknown)
+                    && (head.mozilla || head.fetch_metadata),
                 origin: match relation {
                     Relation::Allowed(origin) => Some(origin),
                     _ => None,
@@ -184,6 +193,12 @@ impl Gate {
     fn relation(&self, head: &Head) -> Result<Relation, Refusal> {
         if let Some(origin) = &head.origin {
             let known = self.known(origin, head);
+            // The same host under another scheme is another origin, and browsers say so.
+            if let (Some(Relation::Own), Some(site)) = (&known, head.site.as_deref())
+                && !matches!(site, "same-origin" | "none")
+            {
+                return Err(Refusal::Site { site: short(site) });
+            }
             let origin = short(origin);
             return known.ok_or(Refusal::Origin { origin });
         }
@@ -455,5 +470,34 @@ mod tests {
             assert_eq!(Gate::new().origin(text), None, "{text}");
         }
         assert!(Gate::new().origin("https://[::1]:8080").is_some());
+    }
+
+    /// The same host over another scheme is another origin.
+    #[test]
+    fn the_own_origin_is_refused_if_the_browser_says_otherwise() {
+        let own = "Host: 10.0.0.2:1\r\nOrigin: http://10.0.0.2:1\r\n";
+        check(own, ["view", "all", "view", "all"]);
+        check(
+            &format!("{own}Sec-Fetch-Site: same-origin\r\n"),
+            ["view", "all", "view", "all"],
+        );
+        for site in ["cross-site", "same-site"] {
+            check(&format!("{own}Sec-Fetch-Site: {site}\r\n"), ["site"; 4]);
+        }
+    }
+
+    /// An image of a foreign page without a referrer could keep a source busy.
+    #[test]
+    fn a_browser_whose_page_is_unknown_gets_no_stream() {
+        let may_stream = |headers: &str| {
+            let admission = admit(Service::Pages, "GET", headers).unwrap();
+            admission.may_stream()
+        };
+        let host = "Host: 10.0.0.2:1\r\n";
+        assert!(!may_stream(&format!("{host}{CHROMIUM}Accept: image/*\r\n")));
+        assert!(may_stream(&format!(
+            "{host}{CHROMIUM}Accept: text/html\r\n"
+        )));
+        assert!(may_stream(host));
     }
 }

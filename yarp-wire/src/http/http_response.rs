@@ -89,6 +89,17 @@ impl Response {
         }
     }
 
+    /// Returns the response to a request of another method or address than the port has.
+    pub fn method_not_allowed() -> Self {
+        Self {
+            status: "405 Method Not Allowed",
+            ..Self::new(
+                "text/plain",
+                "expected GET, or POST to /form; the rest of this port is reached over other carriers of YARP\n",
+            )
+        }
+    }
+
     /// The words while other requests take the memory for theirs.
     pub fn busy() -> Self {
         Self {

@@ -3,7 +3,6 @@
 use std::env;
 use std::fs::File;
 use std::io::Write;
-use std::net::{IpAddr, Ipv4Addr};
 use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -21,14 +20,9 @@ use super::process_table::Processes;
 use super::{EXIT_FAILED, REPLY_ERROR, note};
 use crate::commands::argument_words::Options;
 use crate::error::Result;
+use crate::listen_addresses::UNKNOWN_PEER;
 use crate::signals::Interrupt;
 use crate::{RUN_PROGRAM, network_access, systemd_notify};
-
-/// A peer with an address that is in no network, reserved for documentation (RFC 5737).
-const STRANGER: Peer<'static> = Peer {
-    name: "/stranger",
-    address: IpAddr::V4(Ipv4Addr::new(192, 0, 2, 255)),
-};
 
 /// Runs a server until a request or a signal ends it.
 pub(super) async fn serve(name: &str, options: &Options, out: &mut dyn Write) -> Result<ExitCode> {
@@ -40,9 +34,9 @@ pub(super) async fn serve(name: &str, options: &Options, out: &mut dyn Write) ->
         }
     };
     let network = bind.apply(network_access::network()?);
-    if network.key().is_none() && may_administer(&network, name, STRANGER) {
+    if network.key().is_none() && may_administer(&network, name, UNKNOWN_PEER) {
         let why = format!(
-            "there is no key (auth.conf), and no role (roles.conf) that is about {name}: whoever reaches it can run \
+            "there is no key (auth.conf), and no role (roles.conf) that is about {name}: any host that reaches it can run \
              anything as the user of this server"
         );
         if !options.has("insecure") && !is_stock_program() {

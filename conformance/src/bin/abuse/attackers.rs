@@ -66,7 +66,7 @@ pub(crate) fn run(mut words: impl Iterator<Item = String>) -> Result<(), Failure
     let share = word()?.parse::<usize>()? / connections.max(1);
     let outcomes: Vec<Outcome> = std::thread::scope(|scope| {
         let attackers: Vec<_> = (0..connections)
-            .map(|number| scope.spawn(move || attack.run(&targets, number, share)))
+            .map(|number| scope.spawn(move || attack.run(&targets, number, connections, share)))
             .collect();
         let ended = attackers.into_iter().map(|attacker| attacker.join());
         ended.filter_map(Result::ok).collect()

@@ -19,6 +19,10 @@ const STUCK_TIMEOUT: Duration = Duration::from_secs(3);
 const STEP_TIMEOUT: Duration = Duration::from_millis(100);
 /// Connections that an attacker opens again after the victim ended one.
 const MAX_RECONNECTS: usize = 2_000;
+/// Timeout of the reply that shows that an attack does what it is meant to.
+const REPLY_TIMEOUT: Duration = Duration::from_secs(20);
+/// Names that make lists long, 900 bytes each.
+const LISTED_NAMES: usize = 5_000;
 /// Bytes of a piece that endless attacks repeat.
 const PIECE: usize = 64 << 10;
 
@@ -110,7 +114,15 @@ impl Attack {
     }
 
     /// Sends `bytes` bytes of this abuse, reconnecting whenever the victim ends the connection.
-    pub(crate) fn run(self, targets: &Targets, number: usize, bytes: usize) -> Outcome {
+    ///
+    /// This is attacker `number` of `attackers`.
+    pub(crate) fn run(
+        self,
+        targets: &Targets,
+        number: usize,
+        attackers: usize,
+        bytes: usize,
+    ) -> Outcome {
         let target = match self {
             Self::Forms | Self::PipelinedLists | Self::NameProperties | Self::Registrations => {
                 targets.names
@@ -119,7 +131,7 @@ impl Attack {
             Self::NestedTextPlain | Self::ManyValues => targets.plain,
             _ => targets.arm,
         };
-        let mut attacker = Attacker::new(target, targets.names, bytes);
+        let mut attacker = Attacker::new(target, targets.names, bytes, attackers);
         while attacker.goes_on() {
             let round = attacker.reconnects;
             self.one_connection(&mut attacker, &format!("{number}_{round}"));
@@ -142,31 +154,49 @@ impl Attack {
             Self::LongNames => {
                 // Each connection is a new one.
                 to.send(format!("CONNECT /{}/{tag}\r\n", "n".repeat(3_900)).as_bytes())?;
+                to.expect("Welcome")?;
                 to.end();
                 Some(())
             }
             Self::Forms => {
                 let lines = "cmd=d%0Alist%0Ah%0A".to_owned() + &"d%0Alist%0Ah%0A".repeat(1 << 16);
-                let head = "POST / HTTP/1.1\r\nHost: 127.0.0.1\r\n\
+                let head = "POST /form HTTP/1.1\r\nHost: 127.0.0.1\r\n\
                     Content-Type: application/x-www-form-urlencoded\r\nContent-Length: ";
                 to.send(format!("{head}{}\r\n\r\n", lines.len()).as_bytes())?;
                 to.send(lines.as_bytes())?;
+                to.expect("HTTP/1.1 ")?;
                 to.end_after_reply();
                 Some(())
             }
             Self::PipelinedStatus => {
                 to.greet(tag)?;
+                to.send(b"*\r\n")?;
+                to.expect("This is /wam/rpc:i")?;
                 to.repeat(&b"*\r\n".repeat(PIECE / 3))
             }
             Self::PipelinedLists => {
+                if to.reconnects == 1 {
+                    // Without many names a list is short.
+                    to.greet(tag)?;
+                    for count in 0..LISTED_NAMES / to.attackers {
+                        let long = "n".repeat(900);
+                        let line =
+                            format!("d\r\nregister /l{tag}/{count}/{long} tcp 127.0.0.1 9\r\n");
+                        to.send(line.as_bytes())?;
+                        to.expect("registration name")?;
+                    }
+                    to.end();
+                    to.connect()?;
+                }
                 to.greet(tag)?;
                 to.repeat(&b"d\r\nlist\r\n".repeat(PIECE / 9))
             }
             Self::EmptyFrames => {
                 to.send(
-                    b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n\
+                    b"GET /?ws HTTP/1.1\r\nHost: 127.0.0.1\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n\
                     Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nSec-WebSocket-Version: 13\r\n\r\n",
                 )?;
+                to.expect("HTTP/1.1 101")?;
                 // A spelled command without its end, in one frame; then frames without content.
                 let content = 3_900_000_u64;
                 to.send(&[0x82, 0xff])?;
@@ -201,14 +231,14 @@ impl Attack {
             }
             Self::PortProperties => {
                 to.greet(tag)?;
-                to.repeat_with(|count| {
-                    let value = "v".repeat(60_000);
-                    format!("a\r\n[prop] [set] /wam/rpc:i (k{count} {value})\r\n")
+                to.repeat_with("[ok]", |count| {
+                    let value = "v".repeat(1_000);
+                    format!("a\r\n[prop] [set] k{count} {value}\r\n")
                 })
             }
             Self::NameProperties => {
                 to.greet(tag)?;
-                to.repeat_with(|count| {
+                to.repeat_with("registration name", |count| {
                     let name = count / 16;
                     let value = "v".repeat(4_000);
                     format!(
@@ -219,7 +249,7 @@ impl Attack {
             Self::Registrations => {
                 to.greet(tag)?;
                 let long = "n".repeat(200);
-                to.repeat_with(|count| {
+                to.repeat_with("registration name", |count| {
                     format!("d\r\nregister /r{tag}/{count}/{long} tcp 127.0.0.1 9\r\n")
                 })
             }
@@ -254,6 +284,8 @@ struct Attacker {
     target: SocketAddr,
     names: SocketAddr,
     bytes: usize,
+    /// The number of attackers.
+    attackers: usize,
     sent: usize,
     reconnects: usize,
     stuck: bool,
@@ -262,11 +294,12 @@ struct Attacker {
 }
 
 impl Attacker {
-    fn new(target: SocketAddr, names: SocketAddr, bytes: usize) -> Self {
+    fn new(target: SocketAddr, names: SocketAddr, bytes: usize, attackers: usize) -> Self {
         Self {
             target,
             names,
             bytes,
+            attackers,
             sent: 0,
             reconnects: 0,
             stuck: false,
@@ -327,8 +360,38 @@ impl Attacker {
         Some(())
     }
 
-    /// Sends texts that count up until everything is sent; reads what is replied.
-    fn repeat_with(&mut self, mut text: impl FnMut(usize) -> String) -> Option<()> {
+    /// Reads until the reply contains `words`; otherwise the attack is not the one that it is meant to be.
+    ///
+    /// A later connection may be refused, so only replies on the first one are read.
+    fn expect(&mut self, words: &str) -> Option<()> {
+        if self.reconnects > 1 {
+            return Some(());
+        }
+        let begun = Instant::now();
+        let mut reply = Vec::new();
+        let mut buffer = vec![0; PIECE];
+        while begun.elapsed() < REPLY_TIMEOUT {
+            match self.stream.as_mut()?.read(&mut buffer) {
+                Ok(0) => break,
+                Ok(count) => reply.extend_from_slice(&buffer[..count]),
+                Err(error)
+                    if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {}
+                Err(_) => break,
+            }
+            let text = String::from_utf8_lossy(&reply);
+            if text.contains(words) {
+                return Some(());
+            }
+        }
+        let text: String = String::from_utf8_lossy(&reply).chars().take(200).collect();
+        self.error = Some(format!("expected {words:?} in the reply, got {text:?}"));
+        None
+    }
+
+    /// Sends texts that count up until everything is sent; reads what is replied, in which `words` come first.
+    fn repeat_with(&mut self, words: &str, mut text: impl FnMut(usize) -> String) -> Option<()> {
+        self.send(text(0).as_bytes())?;
+        self.expect(words)?;
         let stream = self.stream.as_ref()?.try_clone().ok()?;
         let reading = std::thread::spawn(move || {
             let mut stream = stream;
@@ -343,7 +406,7 @@ impl Attacker {
                 }
             }
         });
-        let mut count = 0;
+        let mut count = 1;
         let mut result = Some(());
         while self.sent < self.bytes && result.is_some() {
             result = self.send(text(count).as_bytes());

@@ -222,9 +222,32 @@ impl Connection {
 
     /// Sends a hint to a peer that uses no known carrier.
     pub(super) async fn refuse(&mut self, error: &ProtocolError) {
-        if matches!(error, ProtocolError::UnknownCarrier { .. }) {
-            self.output.extend_from_slice(REFUSAL.as_bytes());
+        match error {
+            ProtocolError::UnknownCarrier { magic } if begins_http_request(magic) => {
+                let response = Response::method_not_allowed().to_text(&Admission::default());
+                self.output.extend_from_slice(response.as_bytes());
+            }
+            ProtocolError::UnknownCarrier { .. } => {
+                self.output.extend_from_slice(REFUSAL.as_bytes());
+            }
+            _ => {}
         }
         let _ = socket::write_all(&self.stream, &mut self.output).await;
     }
+}
+
+/// Returns whether the first bytes of a connection are those of an HTTP request.
+fn begins_http_request(magic: &[u8]) -> bool {
+    const METHODS: [&[u8]; 7] = [
+        b"POST ",
+        b"HEAD ",
+        b"PUT ",
+        b"DELETE ",
+        b"OPTIONS ",
+        b"PATCH ",
+        b"TRACE ",
+    ];
+    METHODS
+        .iter()
+        .any(|method| magic.starts_with(&method[..method.len().min(magic.len())]))
 }
