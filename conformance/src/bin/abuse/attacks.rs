@@ -175,19 +175,7 @@ impl Attack {
                 to.repeat(&b"*\r\n".repeat(PIECE / 3))
             }
             Self::PipelinedLists => {
-                if to.reconnects == 1 {
-                    // Without many names a list is short.
-                    to.greet(tag)?;
-                    for count in 0..LISTED_NAMES / to.attackers {
-                        let long = "n".repeat(900);
-                        let line =
-                            format!("d\r\nregister /l{tag}/{count}/{long} tcp 127.0.0.1 9\r\n");
-                        to.send(line.as_bytes())?;
-                        to.expect("registration name")?;
-                    }
-                    to.end();
-                    to.connect()?;
-                }
+                to.register_listed_names(tag)?;
                 to.greet(tag)?;
                 to.repeat(&b"d\r\nlist\r\n".repeat(PIECE / 9))
             }
@@ -418,6 +406,22 @@ impl Attacker {
         }
         let _ = reading.join();
         result
+    }
+
+    /// Registers names at first, over a connection of its own: without many names a list is short.
+    fn register_listed_names(&mut self, tag: &str) -> Option<()> {
+        if self.reconnects > 1 {
+            return Some(());
+        }
+        self.greet(tag)?;
+        let long = "n".repeat(900);
+        for count in 0..LISTED_NAMES / self.attackers {
+            let line = format!("d\r\nregister /l{tag}/{count}/{long} tcp 127.0.0.1 9\r\n");
+            self.send(line.as_bytes())?;
+            self.expect("registration name")?;
+        }
+        self.end();
+        self.connect()
     }
 
     /// Begins a connection of the text carrier.
