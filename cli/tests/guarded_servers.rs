@@ -144,15 +144,14 @@ fn who_may_move_an_arm_is_told() {
     let home = Home::new();
     let _server = home.serve();
     let roles = home.path().join("roles.conf");
-    let check = |line: &str, ready: &str, expected: bool| {
+    let check_count = |line: &str, ready: &str, expected: usize| {
         let serving = home.start(line).see(ready);
         // The warning is on the other stream, and before the end.
         let ended = serving.signal("TERM").finish().with(0);
-        assert_eq!(
-            warnings(&ended.err),
-            usize::from(expected),
-            "{line}: {ended:?}"
-        );
+        assert_eq!(warnings(&ended.err), expected, "{line}: {ended:?}");
+    };
+    let check = |line: &str, ready: &str, expected: bool| {
+        check_count(line, ready, usize::from(expected));
     };
     check("up --bind 0.0.0.0", "Ctrl-C ends it.", true);
     check("up --bind 127.0.0.1", "Ctrl-C ends it.", false);
@@ -166,6 +165,10 @@ fn who_may_move_an_arm_is_told() {
         "running happily",
         false,
     );
+    // An arm and a hand.
+    let table = "table --objects 0 --no-view --bind";
+    check_count(&format!("{table} 0.0.0.0"), "Ctrl-C ends it.", 2);
+    check_count(&format!("{table} 127.0.0.1"), "Ctrl-C ends it.", 0);
     // A role that is about other ports protects nothing.
     let role = |text: &str| std::fs::write(&roles, text).unwrap();
     role("[us]\nports /other\nat local\nrights all\n");

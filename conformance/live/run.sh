@@ -173,13 +173,7 @@ try_servers() {
         suite "stock tools talk with the controller of a tool, server: $server" \
             "$with_stock" "$python" conformance/live/cartesian.py /cartController/wam
         suite "yarp up ends cleanly" bash -c "kill -INT $arm; for i in \$(seq 100); do kill -0 $arm 2>/dev/null || exit 0; sleep 0.1; done; exit 1"
-        line=$work/$server/line-of-the-hand
-        "$ours" hand-sim --link "$line" >"$work/hand-sim.log" 2>&1 &
-        running+=($!)
-        until_ok test -e "$line"
-        "$ours" hand-board --serial "$line" >"$work/hand-board.log" 2>&1 &
-        running+=($!)
-        until_ok "$ours" exists /hand/hand/rpc:i
+        start_hand "$ours" "$work/$server/line-of-the-hand"
         suite "stock moves the fingers of a hand, and types to it, server: $server" \
             "$with_stock" "$python" conformance/live/hand.py /hand
         "$ours" up --arm dynamic --name /dynamic >"$work/dynamic.log" 2>&1 &

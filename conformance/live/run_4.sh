@@ -57,12 +57,7 @@ for carrier in udp tcp; do
     echo "---- a program of stock 4.0 moves the tool as iCub's client does, over $carrier"
     timeout 400 "$work/words" tool /cartController/wam $carrier 2>"$work/tool.log"
 done
-"$target/yarp" hand-sim --link "$work/line" >"$work/hand-sim.log" 2>&1 &
-running+=($!)
-until_ok test -e "$work/line"
-"$target/yarp" hand-board --serial "$work/line" >"$work/hand-board.log" 2>&1 &
-running+=($!)
-until_ok "$target/yarp" exists /hand/hand/rpc:i
+start_hand "$target/yarp" "$work/line"
 echo "---- a program of stock 4.0 calls the hand as a whole"
 timeout 300 "$work/words" hand /hand 2>"$work/hand.log"
 "$work/board" /fake4 600 >"$work/board.log" 2>&1 &

@@ -27,3 +27,13 @@ until_ok() {
     echo "live: gave up waiting for: $*" >&2
     return 1
 }
+
+# Starts a simulated hand on a serial line and its control board, and waits for the board: start_hand OUR_YARP LINE.
+start_hand() {
+    "$1" hand-sim --link "$2" >"$work/hand-sim.log" 2>&1 &
+    running+=($!)
+    until_ok test -e "$2"
+    "$1" hand-board --serial "$2" >"$work/hand-board.log" 2>&1 &
+    running+=($!)
+    until_ok "$1" exists /hand/hand/rpc:i
+}

@@ -282,15 +282,10 @@ pub(crate) fn write_now(stream: &Socket, output: &mut BytesMut) -> io::Result<()
 
 /// Writes all of `output` and empties it.
 pub(crate) async fn write_all(stream: &Socket, output: &mut BytesMut) -> io::Result<()> {
+    write_now(stream, output)?;
     while !output.is_empty() {
-        match stream.try_write(output) {
-            Ok(0) => return Err(io::ErrorKind::WriteZero.into()),
-            Ok(written) => output.advance(written),
-            Err(error) if error.kind() == io::ErrorKind::WouldBlock => {
-                stream.writable().await?;
-            }
-            Err(error) => return Err(error),
-        }
+        stream.writable().await?;
+        write_now(stream, output)?;
     }
     output.clear();
     Ok(())

@@ -282,17 +282,18 @@ impl State {
         let waits = |entry: &Entry| {
             entry.activity.is_served.load(Relaxed) && !entry.activity.is_known.load(Relaxed)
         };
-        let callers = anonymous.filter(|(_, entry)| waits(entry));
-        let numbers = callers.map(|(key, _)| *key);
-        let (count, first) = numbers.fold((0, None::<Key>), |(count, first), key| {
-            let first = first.filter(|first| first.1 < key.1).unwrap_or(key);
-            (count + 1, Some(first))
-        });
-        let is_over = count > allowed;
-        if let Some(key) = first.filter(|_| is_over) {
-            self.end(key, "too many callers wait for replies");
+        let callers: Vec<Key> = anonymous
+            .filter(|(_, entry)| waits(entry))
+            .map(|(key, _)| *key)
+            .collect();
+        let oldest = callers.iter().min_by_key(|(_, number)| *number);
+        match oldest.filter(|_| callers.len() > allowed) {
+            Some(key) => {
+                self.end(*key, "too many callers wait for replies");
+                true
+            }
+            None => false,
         }
-        is_over
     }
 
     /// Ends the one that has been idle for longest; tells whether there is one.

@@ -477,16 +477,15 @@ impl Connection {
 
     async fn write_large_output(&mut self) -> Result<(), End> {
         socket::write_now(&self.stream, &mut self.output)?;
-        let reservation = match self.output.len() > UNSENT {
-            true => Some(UNSENT_BUDGET.reserve_or_alone(self.output.len())),
+        let unsent = self.output.len();
+        let _reservation = match unsent > UNSENT {
+            true => {
+                let reservation = UNSENT_BUDGET.reserve_or_alone(unsent);
+                let full = "peers leave too many replies of this process unread";
+                Some(reservation.ok_or(End::Full(full))?)
+            }
             false => None,
         };
-        if let Some(None) = reservation {
-            self.output = BytesMut::new();
-            return Err(End::Full(
-                "peers leave too many replies of this process unread",
-            ));
-        }
         socket::write_all(&self.stream, &mut self.output).await?;
         // The memory of a large reply does not stay with the connection.
         self.output = BytesMut::new();

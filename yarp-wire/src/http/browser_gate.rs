@@ -170,18 +170,15 @@ impl Gate {
         }
         let relation = self.relation(head)?;
         let changes = head.posts || service == Service::Frames;
+        // Players ask for a language, too, and no page can make a browser ask for nothing but that.
+        let is_of_unknown_page =
+            matches!(relation, Relation::Unknown) && (head.mozilla || head.fetch_metadata);
         match relation {
             Relation::Navigation | Relation::Unknown if changes => Err(Refusal::Unknown),
-            // Players ask for a language, too, and no page can make a browser ask for nothing but that.
-            Relation::Unknown
-                if service == Service::Pictures && (head.mozilla || head.fetch_metadata) =>
-            {
-                Err(Refusal::Unknown)
-            }
+            _ if service == Service::Pictures && is_of_unknown_page => Err(Refusal::Unknown),
             relation => Ok(Admission {
                 views_only: !changes,
-                is_of_unknown_page: matches!(relation, Relation::Unknown)
-                    && (head.mozilla || head.fetch_metadata),
+                is_of_unknown_page,
                 origin: match relation {
                     Relation::Allowed(origin) => Some(origin),
                     _ => None,

@@ -138,7 +138,10 @@ impl Attack {
         }
         Outcome {
             sent: attacker.sent,
-            error: attacker.error,
+            error: attacker.error.or(match attacker.proof {
+                Proof::Missing { error } => Some(error),
+                Proof::NotNeeded | Proof::Seen { .. } => None,
+            }),
             _open: attacker.stream,
         }
     }
@@ -164,7 +167,8 @@ impl Attack {
                     Content-Type: application/x-www-form-urlencoded\r\nContent-Length: ";
                 to.send(format!("{head}{}\r\n\r\n", lines.len()).as_bytes())?;
                 to.send(lines.as_bytes())?;
-                to.expect("HTTP/1.1 ")?;
+                // All of them, or none while the memory for values is taken.
+                to.expect_one_of(&["HTTP/1.1 200", "HTTP/1.1 503"])?;
                 to.end_after_reply();
                 Some(())
             }
@@ -278,7 +282,18 @@ struct Attacker {
     reconnects: usize,
     stuck: bool,
     error: Option<String>,
+    proof: Proof,
     stream: Option<TcpStream>,
+}
+
+/// Whether a reply has shown that the attack does what it is meant to.
+enum Proof {
+    /// No reply is expected so far.
+    NotNeeded,
+    /// The last connection ended without a reply.
+    Missing { error: String },
+    /// It was on this connection.
+    Seen { round: usize },
 }
 
 impl Attacker {
@@ -292,6 +307,7 @@ impl Attacker {
             reconnects: 0,
             stuck: false,
             error: None,
+            proof: Proof::NotNeeded,
             stream: None,
         }
     }
@@ -349,31 +365,54 @@ impl Attacker {
     }
 
     /// Reads until the reply contains `words`; otherwise the attack is not the one that it is meant to be.
-    ///
-    /// A later connection may be refused, so only replies on the first one are read.
     fn expect(&mut self, words: &str) -> Option<()> {
-        if self.reconnects > 1 {
+        self.expect_one_of(&[words])
+    }
+
+    /// Reads until the reply contains one of these, over connections until the first on which it does.
+    ///
+    /// A connection that ends without a reply was refused, which is no error unless all are.
+    fn expect_one_of(&mut self, words: &[&str]) -> Option<()> {
+        if matches!(self.proof, Proof::Seen { round } if round != self.reconnects) {
             return Some(());
         }
         let begun = Instant::now();
         let mut reply = Vec::new();
         let mut buffer = vec![0; PIECE];
+        let mut end = "and no more in time".to_owned();
         while begun.elapsed() < REPLY_TIMEOUT {
             match self.stream.as_mut()?.read(&mut buffer) {
-                Ok(0) => break,
+                Ok(0) => {
+                    end = "and the end".to_owned();
+                    break;
+                }
                 Ok(count) => reply.extend_from_slice(&buffer[..count]),
                 Err(error)
                     if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {}
-                Err(_) => break,
+                Err(error) => {
+                    end = error.to_string();
+                    break;
+                }
             }
             let text = String::from_utf8_lossy(&reply);
-            if text.contains(words) {
+            if words.iter().any(|words| text.contains(words)) {
+                let round = self.reconnects;
+                self.proof = Proof::Seen { round };
                 return Some(());
             }
         }
         let text: String = String::from_utf8_lossy(&reply).chars().take(200).collect();
-        self.error = Some(format!("expected {words:?} in the reply, got {text:?}"));
-        None
+        let error = format!("expected one of {words:?} in the reply, got {text:?}, {end}");
+        match text.is_empty() {
+            true => {
+                self.proof = Proof::Missing { error };
+                self.ended()
+            }
+            false => {
+                self.error = Some(error);
+                None
+            }
+        }
     }
 
     /// Sends texts that count up until everything is sent; reads what is replied, in which `words` come first.
@@ -410,7 +449,7 @@ impl Attacker {
 
     /// Registers names at first, over a connection of its own: without many names a list is short.
     fn register_listed_names(&mut self, tag: &str) -> Option<()> {
-        if self.reconnects > 1 {
+        if matches!(self.proof, Proof::Seen { .. }) {
             return Some(());
         }
         self.greet(tag)?;

@@ -247,7 +247,5 @@ fn begins_http_request(magic: &[u8]) -> bool {
         b"PATCH ",
         b"TRACE ",
     ];
-    METHODS
-        .iter()
-        .any(|method| magic.starts_with(&method[..method.len().min(magic.len())]))
+    METHODS.iter().any(|method| magic.starts_with(method))
 }
