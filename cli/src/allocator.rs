@@ -4,22 +4,37 @@
     reason = "settings of the allocator have no safe interface"
 )]
 
-/// Bounds the number of arenas, unless the environment chooses it (`MALLOC_ARENA_MAX`).
+/// Bounds the memory that stays with the process after it was freed, except for what the environment chooses
+/// (`MALLOC_ARENA_MAX`, `MALLOC_MMAP_THRESHOLD_`).
 ///
-/// Each keeps memory that was freed in it, and the default is eight for each processor: what large messages of peers took stayed
-/// that many times.
+/// Each arena keeps memory that was freed in it, and the default is eight for each processor: what large messages of peers took
+/// stayed that many times. Blocks above [`OWN_MAPPING`] return to the system; without a fixed threshold, the allocator
+/// keeps blocks of up to 32 MiB once such a block was freed.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 pub(crate) fn bound_arenas() {
-    if std::env::var_os("MALLOC_ARENA_MAX").is_some() {
-        return;
-    }
     let processors = std::thread::available_parallelism().map_or(1, usize::from);
     let arenas = i32::try_from(processors.max(MIN_ARENAS)).unwrap_or(i32::MAX);
-    // SAFETY: the call sets a number, and is allowed at any time.
-    if unsafe { libc::mallopt(libc::M_ARENA_MAX, arenas) } == 0 {
-        tracing::debug!("the allocator takes no bound of {arenas} arenas");
+    for (variable, parameter, value) in [
+        ("MALLOC_ARENA_MAX", libc::M_ARENA_MAX, arenas),
+        (
+            "MALLOC_MMAP_THRESHOLD_",
+            libc::M_MMAP_THRESHOLD,
+            OWN_MAPPING,
+        ),
+    ] {
+        if std::env::var_os(variable).is_some() {
+            continue;
+        }
+        // SAFETY: the call sets a number, and is allowed at any time.
+        if unsafe { libc::mallopt(parameter, value) } == 0 {
+            tracing::debug!("the allocator refuses {value} for {variable}");
+        }
     }
 }
+
+/// Bytes of a block above which it gets a mapping of its own: more than an image of 1280 x 720, whose memory is used again.
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+const OWN_MAPPING: i32 = 4 << 20;
 
 /// Arenas for workers and for the threads that work on large messages, however few processors there are.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]

@@ -67,12 +67,18 @@ pub fn respond_line(
     if request.form != Form::Plain || !is_question(&request.command) {
         return None;
     }
-    let reply = registry.handle(now, Some(from), &request);
-    Some(format!("{}\n", reply.body.first_line()))
+    let first = registry.handle_for_first_line(now, Some(from), &request);
+    Some(format!("{first}\n"))
 }
 
 fn is_question(command: &Command) -> bool {
-    matches!(command.rules().kind, Kind::Question { by_datagram: true })
+    matches!(
+        command.rules().kind,
+        Kind::Question {
+            by_datagram: true,
+            ..
+        }
+    )
 }
 
 #[cfg(test)]

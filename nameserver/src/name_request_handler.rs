@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use tokio::sync::mpsc;
 use tokio::sync::mpsc::error::TrySendError;
-use yarp_ports::{Answer, Network};
+use yarp_ports::{Answer, Network, run_large};
 use yarp_wire::message::RawText;
 use yarp_wire::name_service::{Command, Kind, Registration, Request, UNSUPPORTED_PREFIX};
 
@@ -23,6 +23,10 @@ const OWNER_PROBE_INTERVAL: Duration = Duration::from_millis(50);
 /// Maximum number of owners of one name that are probed before a request is refused; each time
 /// another request was faster.
 const MAX_OWNERS_PROBED: usize = 5;
+
+/// Memory of all registered names and properties, in bytes, above which a list of them is built in
+/// turn with other large work of the process.
+const LARGE_REGISTRY: usize = 1 << 20;
 
 /// Refusal for a request that other requests overtook too often.
 const TOO_MANY_REQUESTS: &str = "too many requests for this name at once, try again";
@@ -145,6 +149,9 @@ impl RequestHandler {
         {
             return answer;
         }
+        if let Some(answer) = Self::answer_large_list(request_handler, from, &request) {
+            return answer;
+        }
         let mut registry = request_handler.registry();
         match request_handler.claim(&registry, from, &request) {
             ClaimResult::Free => {}
@@ -172,6 +179,29 @@ impl RequestHandler {
                 to_answer(once_stored(body, kept, &request).await)
             })),
         }
+    }
+
+    /// Returns the answer to a request for a list of a large registry, which takes long to build; `None` for other requests.
+    fn answer_large_list(
+        request_handler: &Arc<Self>,
+        from: IpAddr,
+        request: &Request,
+    ) -> Option<Answer> {
+        let Kind::Question { lists: true, .. } = request.command.rules().kind else {
+            return None;
+        };
+        let bytes = request_handler.registry().size_bytes();
+        if bytes <= LARGE_REGISTRY {
+            return None;
+        }
+        let (request_handler, request) = (request_handler.clone(), request.clone());
+        Some(Answer::Later(Box::pin(async move {
+            let list = || {
+                let mut registry = request_handler.registry();
+                registry.handle(Instant::now(), Some(from), &request).body
+            };
+            to_answer(run_large(bytes, list).await)
+        })))
     }
 
     /// Returns whether another port holds the name that `request` asks for.
@@ -495,13 +525,58 @@ fn hand_on(listeners: &mpsc::Sender<Effect>, effects: Vec<Effect>) -> usize {
 fn to_answer(body: Body) -> Answer {
     match body {
         Body::Bottle(bottle) => Answer::reply(bottle),
-        lines @ Body::Lines(_) => Answer::reply(RawText(lines.to_text())),
+        lines @ Body::Lines(_) => Answer::reply(RawText(lines.into_text())),
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use bytes::BytesMut;
+
     use super::*;
+    use crate::registry::Settings;
+
+    /// Lists of thousands of long names, asked for over many connections at once, kept other clients waiting.
+    #[tokio::test]
+    async fn a_list_of_a_large_registry_is_built_in_turn() {
+        let (effects, _listener) = mpsc::channel(10_000);
+        let network = Network::at("127.0.0.1", 9);
+        let registry = Registry::new(Settings::at("127.0.0.1", 9));
+        let registry = Arc::new(Mutex::new(registry));
+        let memory = Persistence::Memory;
+        let handler = RequestHandler::new(registry, memory, effects, false, network, None, 100);
+        let handler = Arc::new(handler);
+        let from = IpAddr::from([127, 0, 0, 1]);
+        let answer = |line: &str| {
+            let request = Request::parse(line).unwrap();
+            RequestHandler::answer(&handler, from, false, request)
+        };
+        let long = "n".repeat(900);
+        let mut count = 0;
+        while handler.registry().size_bytes() <= LARGE_REGISTRY {
+            assert!(matches!(answer("list"), Answer::Reply(_)), "{count} names");
+            answer(&format!("register /{count}/{long} tcp 127.0.0.1 9"));
+            count += 1;
+        }
+        assert!(count > 100, "{count} names");
+        assert!(matches!(answer("query /0"), Answer::Reply(_)));
+        for line in ["list", "bot list", "state", "runners", "topic", "subscribe"] {
+            let Answer::Later(later) = answer(line) else {
+                panic!("{line} was answered at once");
+            };
+            let Answer::Reply(reply) = later.await else {
+                panic!("no reply to {line}");
+            };
+            let mut text = BytesMut::new();
+            reply.write_text(&mut text);
+            let request = Request::parse(line).unwrap();
+            let body = handler
+                .registry()
+                .handle(Instant::now(), Some(from), &request)
+                .body;
+            assert_eq!(text, body.into_text(), "{line}");
+        }
+    }
 
     /// A server that ended warned that too much happened.
     #[test]

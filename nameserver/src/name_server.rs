@@ -551,7 +551,7 @@ fn handler(
             Ok(bottle) => Request::from_bottle(&bottle),
             Err(error) => {
                 let body = Body::refusal(&format!("the request cannot be read: {error}"));
-                return Answer::reply(RawText(body.to_text()));
+                return Answer::reply(RawText(body.into_text()));
             }
         };
         let peer = Peer {
@@ -566,7 +566,7 @@ fn handler(
             Some(refusal) => {
                 tracing::warn!("refused a request: {refusal}");
                 let body = Body::lines([format!("refused: {refusal}")]);
-                Answer::reply(RawText(body.to_text()))
+                Answer::reply(RawText(body.into_text()))
             }
         }
     }

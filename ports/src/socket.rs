@@ -280,6 +280,14 @@ pub(crate) fn write_now(stream: &Socket, output: &mut BytesMut) -> io::Result<()
     Ok(())
 }
 
+/// Writes what the system takes without waiting, and releases the memory of that: the rest takes no more than its length.
+pub(crate) fn write_part(stream: &Socket, output: &mut BytesMut) -> io::Result<()> {
+    write_now(stream, output)?;
+    // The buffer alone would keep all of its memory until it is empty.
+    *output = BytesMut::from(&output[..]);
+    Ok(())
+}
+
 /// Writes all of `output` and empties it.
 pub(crate) async fn write_all(stream: &Socket, output: &mut BytesMut) -> io::Result<()> {
     write_now(stream, output)?;
@@ -327,6 +335,24 @@ mod tests {
             assert_eq!(socket.tcp_keepalive_interval().unwrap(), KEEPALIVE_INTERVAL);
             assert_eq!(socket.tcp_keepalive_retries().unwrap(), KEEPALIVE_PROBES);
         }
+        drop(connected.unwrap());
+    }
+
+    /// A hundred peers that read nothing kept the memory of whole lists, most of which the system had taken.
+    #[tokio::test]
+    async fn what_was_sent_of_a_large_output_takes_no_memory() {
+        let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let address = listener.local_addr().unwrap();
+        let (accepted, connected) = tokio::join!(listener.accept(), TcpStream::connect(address));
+        let stream = Socket::Tcp(Tcp::new(accepted.unwrap().0));
+        let mut output = BytesMut::from(&vec![7; 24 << 20][..]);
+        stream.writable().await.unwrap();
+        write_part(&stream, &mut output).unwrap();
+        let sent = (24 << 20) - output.len();
+        assert!(sent > 0 && !output.is_empty(), "{sent} bytes");
+        assert!(output.iter().all(|byte| *byte == 7));
+        // The memory of the part that was sent would be there to reclaim.
+        assert!(!output.try_reclaim(sent));
         drop(connected.unwrap());
     }
 }

@@ -124,6 +124,11 @@ impl Account {
         self.take(Held { bytes, names: 1 })
     }
 
+    /// Returns the bytes charged to all addresses.
+    pub(super) fn total_bytes(&self) -> usize {
+        lock(&self.counts).total.bytes
+    }
+
     fn take(&self, more: Held) -> Result<Charge, Refusal> {
         lock(&self.counts).add(self.address, self.enforce, more)?;
         Ok(Charge {

@@ -235,7 +235,7 @@ mod tests {
         let ask = |registry: &mut Registry, line: &str| {
             let request = Request::parse(line).unwrap();
             let reply = registry.handle(Instant::now(), None, &request);
-            reply.body.to_text()
+            reply.body.into_text()
         };
         let mut told = vec![
             ask(registry, "list"),

@@ -27,7 +27,7 @@ pub(super) fn help(form: Form) -> Body {
         Form::Bot => Body::Bottle(HELP.into_iter().map(Value::from).collect()),
         Form::Plain => {
             let title = "Here are some ways to use the name server:";
-            Body::lines([title].into_iter().chain(HELP).map(str::to_owned))
+            Body::lines([title].into_iter().chain(HELP))
         }
     }
 }

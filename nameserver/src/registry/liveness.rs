@@ -418,7 +418,7 @@ mod tests {
         fn ask(&mut self, line: &str) -> String {
             let request = Request::parse(line).unwrap();
             let reply = self.registry.handle(self.now, None, &request);
-            reply.body.to_text().replace("\r\n", "|")
+            reply.body.into_text().replace("\r\n", "|")
         }
 
         fn state(&self, name: &str) -> Liveness {

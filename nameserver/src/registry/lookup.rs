@@ -10,6 +10,9 @@ use super::persistent_connections::split_carrier;
 use super::registry_limits;
 use super::{Body, Change, Entry, Registry, subnets};
 
+/// Bytes of a line that tells of a port, besides the name; a few more are reserved than most lines take.
+const LINE_LENGTH: usize = 72;
+
 impl Registry {
     pub(super) fn query(&self, form: Form, from: Option<IpAddr>, name: &str) -> Body {
         let mut found = self.find(name);
@@ -20,7 +23,7 @@ impl Registry {
             self.suit(found, from);
         }
         match form {
-            Form::Plain => Body::lines(found.iter().map(Registration::to_string)),
+            Form::Plain => Body::lines(found),
             Form::Bot => Body::Bottle(match found {
                 Some(registration) => registration.to_bottle(),
                 None => {
@@ -57,31 +60,36 @@ impl Registry {
         }
     }
 
-    /// Returns the ports named `prefix` or below it, sorted by the bytes of their names.
-    pub(super) fn list(&self, form: Form, from: Option<IpAddr>, prefix: &str) -> Body {
+    /// Returns the first `most` ports named `prefix` or below it, sorted by the bytes of their names.
+    pub(super) fn list(&self, form: Form, from: Option<IpAddr>, prefix: &str, most: usize) -> Body {
         let below = self.entries().filter(|(name, _)| is_below(name, prefix));
-        self.listing(form, from, below)
+        self.listing(form, from, below.take(most))
     }
 
-    pub(super) fn runners(&self, form: Form, from: Option<IpAddr>) -> Body {
+    /// Returns the first `most` ports of `yarp run`.
+    pub(super) fn runners(&self, form: Form, from: Option<IpAddr>, most: usize) -> Body {
         let runs = |entry: &Entry| entry.properties.has("yarprun", "true");
         let running = self.entries().filter(|(_, entry)| runs(entry));
-        self.listing(form, from, running)
+        self.listing(form, from, running.take(most))
     }
 
     fn listing<'a>(
         &self,
         form: Form,
         from: Option<IpAddr>,
-        entries: impl Iterator<Item = (&'a str, &'a Entry)>,
+        entries: impl Iterator<Item = (&'a str, &'a Entry)> + Clone,
     ) -> Body {
+        let length = entries
+            .clone()
+            .map(|(name, _)| name.len() + LINE_LENGTH)
+            .sum();
         let registrations = entries.map(|(_, entry)| {
             let mut registration = entry.registration.clone();
             self.suit(&mut registration, from);
             registration
         });
         match form {
-            Form::Plain => Body::lines(registrations.map(|port| port.to_string())),
+            Form::Plain => Body::lines_of_length(length, registrations),
             Form::Bot => {
                 let mut bottle = Bottle::of("ports");
                 bottle.extend(registrations.map(|port| Value::from(port.to_bottle())));
@@ -90,7 +98,7 @@ impl Registry {
         }
     }
 
-    fn entries(&self) -> impl Iterator<Item = (&str, &Entry)> {
+    fn entries(&self) -> impl Iterator<Item = (&str, &Entry)> + Clone {
         self.ports
             .iter()
             .map(|(name, entry)| (name.as_str(), entry))

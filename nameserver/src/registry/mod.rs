@@ -53,7 +53,7 @@ pub use durable_state::Change;
 pub(crate) use durable_state::{Item, ItemValue};
 pub use liveness::{ClaimResult, Liveness, PortStatus, Probe, ProbeResult};
 pub use registry_limits::{Capacity, Refusal};
-pub use reply_and_effects::{Body, Effect, Link, Reply};
+pub use reply_and_effects::{Body, Effect, Lines, Link, Reply};
 pub use subnets::Subnet;
 
 /// Returns the name in a contact such as `tcp://name`, as used in persistent connections.
@@ -210,14 +210,36 @@ impl Registry {
         reply
     }
 
+    /// Handles a request of which the client gets only the first line of the answer.
+    pub fn handle_for_first_line(
+        &mut self,
+        now: Instant,
+        from: Option<IpAddr>,
+        request: &Request,
+    ) -> String {
+        let form = request.form;
+        // The whole list of a large network takes long.
+        let body = match &request.command {
+            Command::List { prefix } => self.list(form, from, prefix, 1),
+            Command::Runners => self.runners(form, from, 1),
+            _ => self.handle(now, from, request).body,
+        };
+        body.first_line()
+    }
+
+    /// Returns the memory that registered names and their properties take, in bytes.
+    pub(crate) fn size_bytes(&self) -> usize {
+        self.account.total_bytes()
+    }
+
     fn answer(&mut self, now: Instant, from: Option<IpAddr>, request: &Request) -> Reply {
         let form = request.form;
         match &request.command {
             Command::Register(registering) => self.register(now, form, from, registering),
             Command::Unregister { name } => self.unregister(form, name),
             Command::Query { name } => self.query(form, from, name).into(),
-            Command::List { prefix } => self.list(form, from, prefix).into(),
-            Command::Runners => self.runners(form, from).into(),
+            Command::List { prefix } => self.list(form, from, prefix, usize::MAX).into(),
+            Command::Runners => self.runners(form, from, usize::MAX).into(),
             Command::Set { name, key, values } => {
                 self.set(now, form, from, name, key, values).into()
             }
@@ -227,7 +249,7 @@ impl Registry {
                 source,
                 destination,
             } => Body::lines([fixed_replies::route(source, destination)]).into(),
-            Command::CollectGarbage => Body::lines(["garbage collection done.".into()]).into(),
+            Command::CollectGarbage => Body::lines(["garbage collection done."]).into(),
             Command::Help => fixed_replies::help(form).into(),
             Command::Announce { name, alive } => self.announce(now, name, *alive),
             Command::Subscribe {

@@ -123,7 +123,7 @@ impl Registry {
         });
         match is_server {
             true => self.lease(now, None, holders),
-            false => Body::lines([]),
+            false => Body::end(),
         }
     }
 }

@@ -1,5 +1,7 @@
 //! Replies of the registry, with the effects and changes of a request.
 
+use std::fmt::{Display, Write as _};
+
 use yarp_wire::name_service::{END, Registration};
 use yarp_wire::{Bottle, Vocab32};
 
@@ -23,9 +25,38 @@ pub struct Reply {
 pub enum Body {
     /// Lines of text, including [`END`] as the last. They are sent unchanged on **every** carrier,
     /// binary ones too, as in stock.
-    Lines(Vec<String>),
+    Lines(Lines),
     /// One bottle, in the form of the carrier.
     Bottle(Bottle),
+}
+
+/// Lines of an answer, held as the text that is sent: the list of a large network takes its own length once.
+#[derive(Clone, Debug, Default, Eq, PartialEq)]
+pub struct Lines(String);
+
+impl Lines {
+    /// Appends a line, which contains no line end.
+    pub(crate) fn push(&mut self, line: impl Display) {
+        let start = self.0.len();
+        // Writing to a string does not fail.
+        let _ = write!(self.0, "{line}");
+        debug_assert!(
+            !self.0[start..].contains(['\r', '\n']),
+            "a line with a line end: {:?}",
+            &self.0[start..]
+        );
+        self.0.push_str("\r\n");
+    }
+
+    /// Returns the lines without their ends, in order.
+    pub fn iter(&self) -> impl DoubleEndedIterator<Item = &str> {
+        self.0.lines()
+    }
+
+    /// Returns true if there is no line.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
 }
 
 /// Side effect of a request.
@@ -56,17 +87,9 @@ pub struct Link {
 
 impl Body {
     /// Returns the answer as sent on a text connection, each line ended by CR LF.
-    pub fn to_text(&self) -> String {
+    pub fn into_text(self) -> String {
         match self {
-            Self::Lines(lines) => {
-                let lengths = lines.iter().map(|line| line.len() + 2);
-                let mut text = String::with_capacity(lengths.sum());
-                for line in lines {
-                    text.push_str(line);
-                    text.push_str("\r\n");
-                }
-                text
-            }
+            Self::Lines(Lines(text)) => text,
             Self::Bottle(bottle) => format!("{bottle}\r\n"),
         }
     }
@@ -74,14 +97,27 @@ impl Body {
     /// Returns the first line without line end, which is all that a multicast answer holds.
     pub fn first_line(&self) -> String {
         match self {
-            Self::Lines(lines) => lines.first().cloned().unwrap_or_default(),
+            Self::Lines(lines) => lines.iter().next().unwrap_or_default().to_owned(),
             Self::Bottle(bottle) => bottle.to_string(),
         }
     }
 
     /// Returns lines followed by the closing one.
-    pub(crate) fn lines(lines: impl IntoIterator<Item = String>) -> Self {
-        Self::Lines(lines.into_iter().chain([END.to_owned()]).collect())
+    pub(crate) fn lines(lines: impl IntoIterator<Item = impl Display>) -> Self {
+        Self::lines_of_length(0, lines)
+    }
+
+    /// Returns lines of about so many bytes, followed by the closing one: no memory is taken twice while they are collected.
+    pub(super) fn lines_of_length(
+        length: usize,
+        lines: impl IntoIterator<Item = impl Display>,
+    ) -> Self {
+        let mut text = Lines(String::with_capacity(length));
+        for line in lines {
+            text.push(line);
+        }
+        text.push(END);
+        Self::Lines(text)
     }
 
     /// Returns the refusal of a command that answers with lines: `refused: REASON`.
@@ -104,7 +140,7 @@ impl Body {
 
     /// Returns the empty answer that stock gives for an unknown port or command.
     pub(super) fn end() -> Self {
-        Self::lines([])
+        Self::lines([""; 0])
     }
 }
 

@@ -25,7 +25,7 @@ use super::store_format::{self, Content};
 use super::writer_channel::{Precondition, StoreHealth, WriteOutcome, WriteRequest};
 use super::{Commit, CommitResult, SharedStore, SharedStoreError, Write};
 use crate::name_server::lock;
-use crate::registry::{Body, ClaimResult, Effect, Item, Registry, Reply};
+use crate::registry::{Body, ClaimResult, Effect, Item, Lines, Registry, Reply};
 
 /// Maximum number of items that a batch may change: etcd accepts 128 writes per transaction by
 /// default.
@@ -230,7 +230,7 @@ impl<T: SharedStore> Writer<T> {
         items: &mut BTreeSet<Item>,
     ) -> (WriteOutcome, Vec<Effect>) {
         let now = Instant::now();
-        let nothing = || WriteOutcome::Done(Body::Lines(Vec::new()));
+        let nothing = || WriteOutcome::Done(Body::Lines(Lines::default()));
         let Some(request) = &job.request else {
             return (nothing(), Vec::new());
         };

@@ -28,7 +28,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use serde::Serialize;
-use yarp_ports::Page;
+use yarp_ports::{Page, run_large};
 use yarp_wire::http::{Request, Response};
 
 use crate::name_server::lock;
@@ -72,11 +72,12 @@ impl Web {
             "api" => Some(Box::pin(async { json_view::addresses() })),
             "api/names" => Some(Box::pin(async move {
                 web.survey.request_round(wait).await;
-                web.names(revision.as_deref())
+                run_large(web.size_bytes(), || web.names(revision.as_deref())).await
             })),
             "api/connections" => Some(Box::pin(async move {
                 web.survey.request_round(wait).await;
-                json(&json_view::connections(&web.survey))
+                let connections = || json(&json_view::connections(&web.survey));
+                run_large(web.size_bytes(), connections).await
             })),
             other if other.starts_with("api/") => {
                 let words = format!("There is nothing at /{other}; /api lists what there is.\n");
@@ -84,6 +85,11 @@ impl Web {
             }
             _ => None,
         }
+    }
+
+    /// Returns the memory that the registry takes, which decides how long a list of it takes.
+    fn size_bytes(&self) -> usize {
+        lock(&self.registry).size_bytes()
     }
 
     /// Returns all names, or only a note that nothing changed if the client knows this revision.

@@ -11,7 +11,7 @@ use yarp_wire::protocol::{Incoming, Protocol as _, TEXT_LINES};
 use yarp_wire::{Bottle, Limits, Value, WireVersion};
 
 use super::input::{Connection, End, Next};
-use super::large_messages::{read_bottle, reserve_large};
+use super::large_messages::{read_bottle, reserve_large, run_large};
 use super::port_options::Page;
 use super::received_message::{Received, ValuesReservation};
 use crate::roles::Right;
@@ -24,7 +24,13 @@ const LINES_LIMIT: usize = 1000;
 impl Connection {
     /// Answers an HTTP request; the connection closes after the answer, or becomes an output of the
     /// port.
-    pub(super) async fn browse(&mut self, request: Request) -> Next {
+    pub(super) async fn browse(&mut self, mut request: Request) -> Next {
+        let size = request.target.len() + request.form_length();
+        // Before it waits for its turn: a hundred forms that wait take a hundred times their length.
+        let Ok(_reservation) = reserve_large(size, || MAX_VALUES_SIZE) else {
+            return self.respond(&Response::busy(), &request);
+        };
+        run_large(size, || request.decode_form()).await;
         if let Some(page) = self.own_page(&request) {
             if !self.may(Right::Read) {
                 return self.refuse_page(&request, Right::Read);
@@ -32,16 +38,7 @@ impl Connection {
             let response = self.wait_for(page).await;
             return self.respond(&response, &request);
         }
-        let size = request.target.len()
-            + request
-                .fields
-                .iter()
-                .map(|(_, value)| value.len())
-                .sum::<usize>();
-        let Ok(_reservation) = reserve_large(size, || MAX_VALUES_SIZE) else {
-            return self.respond(&Response::busy(), &request);
-        };
-        let action = self.large(size, || Action::of(&request)).await;
+        let action = run_large(size, || Action::of(&request)).await;
         // Any page can have a browser ask for any address.
         if request.admission.may_only_view() && !action.only_views() {
             return self.respond(&Response::refused(&Refusal::ViewOnly), &request);
@@ -76,7 +73,7 @@ impl Connection {
                 };
                 let length = reply.len();
                 let read = || Reply::of(&reply, json, admission);
-                match self.large(length, read).await {
+                match run_large(length, read).await {
                     Reply::Whole(response) => response,
                     Reply::Stream(_) if !self.may(Right::Read) => {
                         return self.refuse_page(&request, Right::Read);
@@ -132,7 +129,7 @@ impl Connection {
                 Command::Data { .. } => answers += &self.ask_owner(payload.bytes()).await,
                 Command::Admin => {
                     let read = || read_bottle(&payload).unwrap_or_default();
-                    let (request, _reservation) = self.large(payload.len(), read).await;
+                    let (request, _reservation) = run_large(payload.len(), read).await;
                     answers += &self.administer(&request).await.to_string();
                 }
                 command => match self.execute(command).await {
@@ -145,8 +142,8 @@ impl Connection {
                 answers.push('\n');
             }
             count += 1;
-            // Others have their turn, too.
-            tokio::task::consume_budget().await;
+            // Other tasks run after each line: a hundred of these forms at once would else keep them waiting.
+            tokio::task::yield_now().await;
         }
         if is_cut || answers.len() > ANSWERS_LIMIT {
             let fits = |end: &usize| answers.is_char_boundary(*end);

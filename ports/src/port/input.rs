@@ -476,7 +476,7 @@ impl Connection {
     }
 
     async fn write_large_output(&mut self) -> Result<(), End> {
-        socket::write_now(&self.stream, &mut self.output)?;
+        socket::write_part(&self.stream, &mut self.output)?;
         let unsent = self.output.len();
         let _reservation = match unsent > UNSENT {
             true => {

@@ -47,7 +47,7 @@ pub(crate) fn takes_long(payload: &Payload) -> bool {
 /// Waits until it is the turn of a large message to be handled. The turn ends when the permit is dropped.
 ///
 /// A connection that waits needs no thread. Beyond [`TURN_TIMEOUT`] there is no permit, and the message is handled nevertheless.
-pub(crate) async fn turn() -> Option<SemaphorePermit<'static>> {
+async fn turn() -> Option<SemaphorePermit<'static>> {
     turn_within(TURN_TIMEOUT).await
 }
 
@@ -67,6 +67,18 @@ pub(crate) fn long_work<T>(bytes: usize, work: impl FnOnce() -> T) -> T {
         true => tokio::task::block_in_place(work),
         false => work(),
     }
+}
+
+/// Does work on so many bytes for a peer; if they are many, in turn with other such work of the process, and without keeping
+/// the other tasks of this thread waiting.
+///
+/// For owners whose replies are large: the list of a large network.
+pub async fn run_large<T>(bytes: usize, work: impl FnOnce() -> T) -> T {
+    let _turn = match bytes > LONG_WORK {
+        true => Box::pin(turn()).await,
+        false => None,
+    };
+    long_work(bytes, work)
 }
 
 /// Returns a reservation of the bytes that the values of a message of `length` bytes take; none if the message is small.
@@ -179,7 +191,12 @@ mod tests {
             taken.push(permit);
         }
         assert!(!taken.is_empty());
+        assert_eq!(run_large(LONG_WORK, || 1).await, 1);
+        let mut large = std::pin::pin!(run_large(LONG_WORK + 1, || 2));
+        let early = tokio::time::timeout(short, &mut large).await;
+        assert!(early.is_err(), "large work was done out of turn");
         drop(taken.pop());
+        assert_eq!(large.await, 2);
         assert!(turn_within(short).await.is_some());
     }
 }

@@ -94,6 +94,7 @@ use crate::network::Network;
 
 pub use counters::{ConnectionCounters, PortCounters, Traffic};
 pub use idle_connections::ConnectionLimits;
+pub use large_messages::run_large;
 pub use monitor::{
     Monitor, MonitorError, MonitorFactory, MonitorSetup, MonitorSide, Passing, built_in,
     built_in_names, modifier_names,

@@ -415,9 +415,10 @@ pub fn http(data: &[u8]) {
     if whole.is_ok() {
         assert_eq!(stepped, whole, "a request that arrives in pieces");
     }
-    let Ok(Some(request)) = whole else {
+    let Ok(Some(mut request)) = whole else {
         return;
     };
+    request.decode_form();
     let shown = match Action::of(&request) {
         Action::Ask { message, json, .. } => bottle_json::of(&message, json.unwrap_or_default()),
         Action::Type { lines, data } => lines + &data,

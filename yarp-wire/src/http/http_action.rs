@@ -203,7 +203,9 @@ mod tests {
         let mut reader = super::super::RequestReader::default();
         let mut input = bytes::BytesMut::from(text.as_bytes());
         let request = reader.read(&mut input, crate::Limits::DEFAULT).unwrap();
-        Action::of(&request.unwrap())
+        let mut request = request.unwrap();
+        request.decode_form();
+        Action::of(&request)
     }
 
     fn typed(lines: &str, data: &str) -> Action {

@@ -16,10 +16,26 @@ pub struct Request {
     pub host: String,
     /// The key of a WebSocket upgrade request.
     pub web_socket_key: Option<String>,
-    /// The fields of query or form, decoded, in order of arrival.
+    /// The fields of the query, or of the form once [`Request::decode_form`] has run; decoded, in order of arrival.
     pub fields: Vec<(String, String)>,
+    /// The form as it arrived, which may be long.
+    form: Option<BytesMut>,
     /// Permissions that the [gate](super::Gate) granted.
     pub admission: Admission,
+}
+
+impl Request {
+    /// Returns the length of the form that is not decoded yet, in bytes.
+    pub fn form_length(&self) -> usize {
+        self.form.as_ref().map_or(0, BytesMut::len)
+    }
+
+    /// Decodes the form, if there is one, into [`Request::fields`]. A long form takes long.
+    pub fn decode_form(&mut self) {
+        if let Some(form) = self.form.take() {
+            self.fields = fields(&String::from_utf8_lossy(&form));
+        }
+    }
 }
 
 /// Collects a request: the line, the headers, and the body of a form.
@@ -49,13 +65,16 @@ impl RequestReader {
             return Ok(None);
         }
         let body = input.split_to(head.body);
-        let body = String::from_utf8_lossy(&body);
-        let fields = fields(if head.form { &body } else { &head.target });
+        let (fields, form) = match head.form {
+            true => (Vec::new(), Some(body)),
+            false => (fields(&head.target), None),
+        };
         Ok(Some(Request {
             target: head.target,
             host: head.host.unwrap_or_default(),
             web_socket_key: head.key.filter(|_| head.upgrade),
             fields,
+            form,
             admission: Admission::default(),
         }))
     }
@@ -111,6 +130,12 @@ mod tests {
         reader.read(&mut input, Limits::DEFAULT).unwrap().unwrap()
     }
 
+    fn fields_of(text: &str) -> Vec<(String, String)> {
+        let mut request = read(text);
+        request.decode_form();
+        request.fields
+    }
+
     #[test]
     fn requests_are_read_whatever_their_pieces() {
         let request = read("GET /?req=hello&x=1 HTTP/1.1\r\nHost: h:1\r\n\r\n");
@@ -120,9 +145,9 @@ mod tests {
         assert_eq!(request.fields, [field("req", "hello"), field("x", "1")]);
         let form = "POST /form HTTP/1.1\r\nContent-Length: 18\r\n\
             Content-Type: application/x-www-form-urlencoded\r\n\r\ndata=hello%20there";
-        assert_eq!(read(form).fields, [field("data", "hello there")]);
+        assert_eq!(fields_of(form), [field("data", "hello there")]);
         assert_eq!(
-            read("GET /data=list HTTP/1.1\n\n").fields,
+            fields_of("GET /data=list HTTP/1.1\n\n"),
             [field("data", "list")]
         );
     }

@@ -154,19 +154,27 @@ impl Command {
             Administer, AdministerHolders, AdministerNew, AdministerOwned, AdministerServer,
             Connect, ConnectBoth, Lookup,
         };
-        let question = |by_datagram| Kind::Question { by_datagram };
+        let question = |by_datagram| Kind::Question {
+            by_datagram,
+            lists: false,
+        };
+        let listing = |by_datagram| Kind::Question {
+            by_datagram,
+            lists: true,
+        };
         let change = |port| Kind::Change { port };
         let (kind, needs, structured) = match self {
             Self::Register(asked) => (Kind::Claim(asked), AdministerNew(&asked.name), false),
             Self::Unregister { name } => (change(Some(name)), Administer(name), false),
-            Self::Query { .. } | Self::List { .. } => (question(true), Lookup, false),
+            Self::Query { .. } => (question(true), Lookup, false),
+            Self::List { .. } | Self::Runners => (listing(true), Lookup, false),
             // What one port says to own goes with it.
             Self::Set { name, key, values } if key == "owns" => {
                 (change(Some(name)), AdministerOwned(name, values), false)
             }
             Self::Set { name, .. } => (change(Some(name)), Administer(name), false),
             Self::Get { .. } | Self::Check { .. } => (question(true), Lookup, false),
-            Self::Route { .. } | Self::Runners | Self::Help => (question(true), Lookup, false),
+            Self::Route { .. } | Self::Help => (question(true), Lookup, false),
             Self::CollectGarbage => (question(false), AdministerServer, false),
             Self::Announce { name, .. } => (change(Some(name)), Administer(name), true),
             // A topic connects its writers to whoever subscribes.
@@ -175,12 +183,12 @@ impl Command {
                 destination,
                 ..
             } => (change(None), ConnectBoth(source, destination), true),
-            Self::Subscriptions { .. } => (question(false), Lookup, true),
+            Self::Subscriptions { .. } => (listing(false), Lookup, true),
             Self::Unsubscribe { source, .. } => (change(None), Connect(source), true),
             Self::Topic { name, .. } | Self::Untopic { name } => {
                 (change(None), Connect(name), true)
             }
-            Self::Topics => (question(false), Lookup, true),
+            Self::Topics => (listing(false), Lookup, true),
             Self::Type { value: Some(_), .. } => (change(None), AdministerServer, true),
             Self::Type { value: None, .. } => (question(false), Lookup, true),
             Self::Lease { holders } if holders.is_empty() => (question(false), Lookup, false),
@@ -194,7 +202,7 @@ impl Command {
                 let kind = Kind::Lease { holders, passed };
                 (kind, AdministerServer, false)
             }
-            Self::States { .. } => (question(false), Lookup, false),
+            Self::States { .. } => (listing(false), Lookup, false),
             Self::Web(_) => (question(false), Lookup, true),
             Self::Other(_) => (question(true), Lookup, false),
         };

@@ -24,6 +24,8 @@ pub enum Kind<'a> {
     Question {
         /// True if a server that is found by multicast also replies to it by a datagram.
         by_datagram: bool,
+        /// True if the length of the reply grows with what is registered.
+        lists: bool,
     },
     /// It changes what is stored, and what several servers share.
     Change {

@@ -9,7 +9,7 @@ use yarp_wire::message::{Command, Payload};
 use super::{Connection, End, Next};
 use crate::port::admin_reply;
 use crate::port::dispatch::Dispatched;
-use crate::port::large_messages::{self, LONG_WORK, long_work, read_bottle, takes_long};
+use crate::port::large_messages::{read_bottle, run_large, takes_long};
 use crate::port::log_modifier;
 use crate::port::received_message::{Answer, Received, Reply, ValuesReservation};
 use crate::port::text_commands::{HELP, NOT_UNDERSTOOD};
@@ -95,7 +95,7 @@ impl Connection {
             }
             Step::Command(Command::Admin, payload) => {
                 let read = || read_bottle(&payload).unwrap_or_default();
-                let (request, _reservation) = self.large(payload.len(), read).await;
+                let (request, _reservation) = run_large(payload.len(), read).await;
                 let answer = self.administer(&request).await;
                 self.acceptor.reply(&answer, &mut self.output);
                 match self.parts.administration.ends_with(&request) {
@@ -135,16 +135,6 @@ impl Connection {
         self.finish(dispatch).await
     }
 
-    /// Does work on so many bytes of a message; if they are many, when it is their turn, and without making other tasks of this
-    /// thread wait.
-    pub(in crate::port) async fn large<T>(&self, bytes: usize, work: impl FnOnce() -> T) -> T {
-        let _turn = match bytes > LONG_WORK {
-            true => Box::pin(large_messages::turn()).await,
-            false => None,
-        };
-        long_work(bytes, work)
-    }
-
     /// Dispatches a message to the owner directly, unless monitors or loggers are involved or reading it takes long.
     fn dispatch(&self, received: Received) -> Dispatch {
         let dispatcher = &self.parts.dispatcher;
@@ -169,7 +159,7 @@ impl Connection {
             Dispatch::Large(received) => {
                 let length = received.payload.len();
                 let dispatch = || parts.dispatcher.dispatch(received);
-                let dispatched = Box::pin(self.large(length, dispatch)).await;
+                let dispatched = Box::pin(run_large(length, dispatch)).await;
                 self.wait_for(Box::pin(parts.dispatcher.finish(dispatched)))
                     .await
             }
