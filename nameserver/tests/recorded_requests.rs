@@ -114,6 +114,6 @@ fn recorded_requests_get_their_recorded_answers() {
         let request = Request::parse(&format!("NAME_SERVER {question}")).unwrap();
         let reply = registry.handle(Instant::now(), from, &request);
         let expected = format!("{}\r\n", answer.replace('|', "\r\n"));
-        assert_eq!(reply.body.to_text(), expected, "{question}");
+        assert_eq!(reply.body.into_text(), expected, "{question}");
     }
 }

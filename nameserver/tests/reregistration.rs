@@ -85,7 +85,7 @@ async fn stock(number: u16, process: u32) -> Port {
             .body
         {
             Body::Bottle(bottle) => Answer::reply(bottle),
-            lines => Answer::reply(RawText(lines.to_text())),
+            lines => Answer::reply(RawText(lines.into_text())),
         }
     };
     let options = PortOptions::new()

@@ -24,7 +24,7 @@ impl Asked {
     fn ask(&mut self, from: impl Into<IpAddr>, line: &str) -> String {
         let request = Request::parse(line).unwrap();
         let reply = self.0.handle(self.1, Some(from.into()), &request);
-        let text = reply.body.to_text();
+        let text = reply.body.into_text();
         text.lines().next().unwrap_or_default().to_owned()
     }
 

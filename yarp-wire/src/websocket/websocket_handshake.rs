@@ -35,10 +35,8 @@ mod tests {
     use super::*;
 
     fn check(key: Option<&str>, expected: Option<&str>) {
-        let request = Request {
-            web_socket_key: key.map(str::to_owned),
-            ..Request::default()
-        };
+        let mut request = Request::default();
+        request.web_socket_key = key.map(str::to_owned);
         match (response(&request), expected) {
             (Ok(text), Some(accept)) => {
                 let line = format!("\r\nSec-WebSocket-Accept: {accept}\r\n\r\n");
