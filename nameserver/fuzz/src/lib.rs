@@ -104,6 +104,9 @@ impl Asked {
         } = self.registry.handle(self.now, Some(from), &request);
         if let Body::Lines(lines) = &body {
             assert!(lines.iter().all(|line| !line.contains(['\r', '\n'])));
+            // A line for each name that the port owned, and the answer.
+            let is_removal = matches!(request.command, Command::Unregister { .. });
+            assert!(!is_removal || lines.len() <= MAX_LINKS + 6);
         }
         let links = effects
             .iter()
