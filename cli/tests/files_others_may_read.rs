@@ -29,26 +29,30 @@ fn keys_and_roles_that_every_user_may_read_are_warned_of() {
         fs::write(home.path().join(file), text).unwrap();
         set_mode(file, 0o600);
     }
+    let modes = [(0o600, false), (0o640, false), (0o644, true), (0o660, true)];
+    let check = |file: &str, mode, expected, log: &[String]| {
+        let mut warnings = log.iter().filter(|line| line.contains("chmod 600"));
+        let told = warnings.clone().all(|line| line.contains(file));
+        let is_warned_of = warnings.next().is_some();
+        assert!(told && is_warned_of == expected, "{file} {mode:o}: {log:?}");
+    };
+    // The server looks at roles, and again whenever the file changes.
+    for (mode, expected) in modes {
+        set_mode("roles.conf", mode);
+        let server = home.serve();
+        home.run("name list").with(0);
+        let ended = server.signal("INT").finish();
+        check("roles.conf", mode, expected, &ended.err);
+    }
+    set_mode("roles.conf", 0o600);
+    // A group may share the key of a lab; the key of a host belongs to it alone.
     let _server = home.serve();
-    // A group may share the key and the roles of a lab; the key of a host belongs to it alone.
-    for (file, group_is_warned_of) in [
-        ("auth.conf", false),
-        ("roles.conf", false),
-        ("tls/host.key", true),
-    ] {
-        for (mode, expected) in [
-            (0o600, false),
-            (0o640, group_is_warned_of),
-            (0o644, true),
-            (0o660, true),
-        ] {
+    for file in ["auth.conf", "tls/host.key"] {
+        for (mode, expected) in modes {
+            let expected = expected || mode == 0o640 && file == "tls/host.key";
             set_mode(file, mode);
             let ended = home.run("name list").with(0);
-            let warnings = ended.err.iter().filter(|line| line.contains("chmod 600"));
-            let warnings: Vec<_> = warnings.collect();
-            assert_eq!(!warnings.is_empty(), expected, "{file} {mode:o}: {ended:?}");
-            let told = warnings.iter().all(|line| line.contains(file));
-            assert!(told, "{file} {mode:o}: {ended:?}");
+            check(file, mode, expected, &ended.err);
         }
         set_mode(file, 0o600);
     }
