@@ -17,6 +17,8 @@ CONSTANT = re.compile(r"\b(?:const|static) (PATIENCE|LOOK|LOOKS|PAUSE|SILENCE|SO
 MAX_FUNCTION_LINES = 100
 # The highest share of items whose documentation may begin with a question word.
 MAX_OPENER_SHARE = 0.02
+# Crates whose limits docs/limits.md lists.
+LIMITED_SOURCES = ("nameserver/src/", "ports/src/", "yarp-wire/src/")
 # Names that have the same role wherever they stand.
 SHARED_NAMES = {"mod.rs", "lib.rs", "main.rs"}
 
@@ -87,6 +89,23 @@ def dead_paths():
                         yield f"{document.relative_to(ROOT)}:{number}: {path}"
 
 
+def undocumented_limits():
+    """Yields each `MAX_...` of a crate that reads from the network that no line of docs/limits.md names with its file."""
+    lines = (ROOT / "docs/limits.md").read_text(encoding="utf8").splitlines()
+    for path in sources():
+        if not str(path).startswith(LIMITED_SOURCES) or path.name.endswith("tests.rs"):
+            continue
+        for number, line in enumerate((ROOT / path).read_text(encoding="utf8").split("\n"), 1):
+            if line.startswith("mod tests"):
+                break
+            found = re.match(r"\s*(?:pub(?:\([a-z]+\))? )?const (MAX_\w+):", line)
+            # `mod.rs` alone names no file.
+            file = "/".join(path.parts[-2:]) if path.name == "mod.rs" else path.name
+            named = re.compile(rf"[`/]{re.escape(file)}`")
+            if found and not any(f"`{found[1]}`" in row and named.search(row) for row in lines):
+                yield f"{path}:{number}: add a row with `{found[1]}`, `{file}` to docs/limits.md"
+
+
 def forgotten_tests():
     """Yields each file of a crate's `tests/` that no test program contains, if the crate lists its test programs."""
     for manifest in sorted(ROOT.glob("*/Cargo.toml")) + sorted(ROOT.glob("*/*/Cargo.toml")):
@@ -150,6 +169,7 @@ def check(found, counts):
         wrong += found["opener"]
     wrong += [f"{place} is not there" for place in dead_paths()]
     wrong += forgotten_tests()
+    wrong += undocumented_limits()
     for line in wrong:
         print(line, file=sys.stderr)
     return 1 if wrong else 0

@@ -15,6 +15,7 @@ mod dev_command;
 mod embedded_arm_processes;
 mod encryption;
 mod existing_connections;
+mod files_others_may_read;
 mod guarded_servers;
 mod hand_commands;
 mod idle_client_timeouts;

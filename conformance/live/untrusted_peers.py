@@ -10,6 +10,7 @@ Prints `ok NAME` per check.
 import os
 import shutil
 import socket
+import struct
 import subprocess
 import sys
 import tempfile
@@ -241,6 +242,48 @@ class SocketOfAnotherUser(threading.Thread):
             os._exit(1)
 
 
+def connect_as(user, number, folder):
+    """Connects to a port over `unix_stream` as a user; returns whether the socket was reached, and what came over it.
+
+    The folder and the socket are opened to everybody first, as if their modes kept nobody out: what remains is the port's
+    look at the peer. Needs root.
+    """
+    header = socket.create_connection(("127.0.0.1", number), PATIENCE)
+    name = b"/intruder\0"
+    header.sendall(b"UNIX_STR" + len(name).to_bytes(4, "little") + name)
+    path = folder / f"{number}_{header.getsockname()[1]}.sock"
+    end = time.monotonic() + PATIENCE
+    # The port restricts the mode right after it has made the socket.
+    while not path.exists() or path.stat().st_mode & 0o777 != 0o700:
+        if time.monotonic() > end:
+            raise Failure(f"the port makes no socket at {path}")
+        time.sleep(0.001)
+    folder.chmod(0o711)
+    path.chmod(0o777)
+    # The system notes the user of the process that connects.
+    read, write = os.pipe()
+    child = os.fork()
+    if not child:
+        try:
+            os.setuid(user)
+            with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as local:
+                local.settimeout(PATIENCE)
+                local.connect(str(path))
+                os.write(write, b"connected:")
+                # `[ver]` to the administration, in binary: a list of one word.
+                local.sendall(b"\0\0\0\0~a\0\1" + struct.pack("<iii4s", 256, 1, 9, b"ver"))
+                os.write(write, local.recv(8))
+        finally:
+            os._exit(0)
+    os.close(write)
+    with os.fdopen(read, "rb") as pipe:
+        reached, _, reply = pipe.read().partition(b":")
+    os.waitpid(child, 0)
+    header.close()
+    folder.chmod(0o700)
+    return reached == b"connected", reply
+
+
 def other_user(ours, home):
     """A folder of sockets that another user made first, and a reader of another user's."""
     home = Path(home)
@@ -286,12 +329,21 @@ def other_user(ours, home):
         start("read", "/mine")
         start("write", "/writer")
         start("write", "/writer_fooled", folder=folders["theirs"])
-        for name in ("/fooled", "/theirs", "/mine"):
+        for name in ("/fooled", "/theirs", "/mine", "/writer", "/writer_fooled"):
             until(name)
         code, found = run("connect", "/writer", "/mine", "unix_stream")
         check("programs of one user talk through a socket", code == 0, found)
         code, found = run("connect", "/writer", "/fooled", "unix_stream")
         check("nobody talks through a folder that another user made first", code != 0, found)
+        # Both are of one user and look for sockets in the same folder: only its owner is wrong.
+        code, found = run("connect", "/writer_fooled", "/fooled", "unix_stream", folder=folders["theirs"])
+        check("not even if both ends use it", code != 0, found)
+        made = list(folders["theirs"].iterdir())
+        check("... and no socket is left there", made == [], made)
+        os.chown(folders["theirs"], 0, 0)
+        code, found = run("connect", "/writer_fooled", "/fooled", "unix_stream", folder=folders["theirs"])
+        check("... as they do once the folder is theirs", code == 0, found)
+        os.chown(folders["theirs"], NOBODY, NOBODY)
         code, found = run("connect", "/writer", "/theirs", "unix_stream")
         check("nor with a program of another user", code != 0, found)
         impostor = SocketOfAnotherUser(folders["own"])
@@ -300,6 +352,12 @@ def other_user(ours, home):
         code, found = run("connect", "/writer", "/impostor", "unix_stream")
         impostor.join(PATIENCE)
         check("nor with one that listens in the own folder", code != 0 and impostor.met, (found, impostor.met))
+        words = run("name", "query", "/mine")[1].split()
+        number = int(words[words.index("port") + 1])
+        reached, reply = connect_as(0, number, folders["own"])
+        check("a port serves a program of its own user at a socket", reached and len(reply) == 8, (reached, reply))
+        reached, reply = connect_as(NOBODY, number, folders["own"])
+        check("... and none of another user, even where the modes let it in", reached and reply == b"", (reached, reply))
         code, found = run("connect", "/writer", "/theirs", "tcp")
         check("over tcp they talk, as everybody does", code == 0, found)
     finally:

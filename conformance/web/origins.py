@@ -31,13 +31,19 @@ from name_server import World, check
 from ports import block, text, until
 from webdriver import PATIENCE, Browser
 
-# Names that the browser takes for loopback: what DNS of an attacker would say.
+# Names that the browser takes for loopback, and for an address that other hosts reach: what DNS of an attacker would say.
 REBOUND = "evil.example"
-ARGUMENTS = [
-    f"--host-resolver-rules=MAP {REBOUND} 127.0.0.1",
-    # What protects a port must not be the browser's own ideas of which networks are private.
-    "--disable-features=LocalNetworkAccessChecks,BlockInsecurePrivateNetworkRequests,PrivateNetworkAccessSendPreflights,PrivateNetworkAccessRespectPreflightResults",
-]
+REBOUND_OUTSIDE = "evil.outside.example"
+
+
+def arguments(outside):
+    """Arguments of a browser for which the names of an attacker lead to this machine; `outside` is no loopback address."""
+    return [
+        f"--host-resolver-rules=MAP {REBOUND} 127.0.0.1, MAP {REBOUND_OUTSIDE} {outside}",
+        # What protects a port must not be the browser's own ideas of which networks are private.
+        "--disable-features=LocalNetworkAccessChecks,BlockInsecurePrivateNetworkRequests,PrivateNetworkAccessSendPreflights,PrivateNetworkAccessRespectPreflightResults",
+    ]
+
 
 # Everything that a page can do with addresses; gives what it could read. `arguments`: addresses of ports, each with
 # an order for it, and the bytes of a message for a socket.
@@ -259,17 +265,17 @@ def foreign(world, browser, sink, numbers, pages, hosts, evidence):
     check("no name was registered", "/stolen" not in names, names)
 
 
-def rebound(browser, sink, numbers, evidence):
+def rebound(browser, sink, numbers, evidence, name):
     """A page whose name was made to point to a port, so that it is of the port's own origin."""
     for kind, number in numbers.items():
-        address = f"http://{REBOUND}:{number}/"
+        address = f"http://{name}:{number}/"
         browser.open(address)
         shown = browser.script("return document.body.textContent")
-        check(f"{kind} refuses to be called {REBOUND}", "Host" in shown and "browsers.conf" in shown, shown)
+        check(f"{kind} refuses to be called {name}", "Host" in shown and "browsers.conf" in shown, shown)
         # The page of the attacker would have no policy.
         browser.command("Page.setBypassCSP", enabled=True)
         browser.open(address)
-        aimed = [aim for aim in aims(REBOUND, numbers, evidence) if aim[0] == address]
+        aimed = [aim for aim in aims(name, numbers, evidence) if aim[0] == address]
         read = browser.later(ATTACK, aimed, list(block("D") + text("stolen")))
         # Frames of the own origin can be read: each shows why it is refused.
         read = [line for line in read if not line.startswith("frame") or "expected `Host`" not in line]
@@ -382,11 +388,12 @@ def main():
                 "launcher": launcher(world),
             }
             evidence = os.path.join(world.environment["YARP_CONFIG_HOME"], "executed")
-            browser = stack.enter_context(Browser(arguments=ARGUMENTS))
+            browser = stack.enter_context(Browser(arguments=arguments(address)))
             browser.ask("POST", "/timeouts", {"script": 110_000})
             hosts = ["localhost", address]
             foreign(world, browser, sink, numbers, [near, far], hosts, evidence)
-            rebound(browser, sink, numbers, evidence)
+            for name in (REBOUND, REBOUND_OUTSIDE):
+                rebound(browser, sink, numbers, evidence, name)
             own(world, browser, sink, numbers, hosts)
             # The example knows no configuration.
             allowed(browser, sink, numbers, friend, hosts)

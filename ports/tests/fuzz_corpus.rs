@@ -7,6 +7,9 @@ use crate::fuzz;
 #[test]
 fn every_corpus_file_passes_also_with_a_byte_changed() {
     replay("configuration", fuzz::configuration);
+    replay("browsers_conf", fuzz::browsers_conf);
+    #[cfg(feature = "tls")]
+    replay("tls_conf", fuzz::tls_conf);
     replay("monitors", fuzz::monitors);
     replay("counters", fuzz::counters);
 }

@@ -95,12 +95,20 @@ impl PersistentConnections {
         mode: &str,
     ) -> Result<(), Refusal> {
         self.check(&source, &destination, mode)?;
-        for end in [&source, &destination] {
-            if end.names_topic() {
-                self.add_topic(account, &end.name, "")?;
+        let topics = [&source, &destination].map(|end| end.names_topic().then(|| end.name.clone()));
+        let mut new: Vec<String> = topics.into_iter().flatten().collect();
+        new.retain(|name| !self.is_topic(name));
+        let added = new
+            .iter()
+            .try_for_each(|name| self.add_topic(account, name, ""));
+        let added = added.and_then(|()| self.insert(account, source, destination, mode));
+        if added.is_err() {
+            // A topic that is not stored would be lost at the next start.
+            for name in &new {
+                self.topics.remove(name);
             }
         }
-        self.insert(account, source, destination, mode)
+        added
     }
 
     /// Restores a stored subscription. Topics are stored separately, and one that it names may have

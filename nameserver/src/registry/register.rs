@@ -212,27 +212,41 @@ impl Registry {
                 continue;
             }
             let owned = entry.properties.get("owns");
-            old.extend(owned.iter().map(|_| "old".to_owned()));
-            waiting.extend(owned.iter().rev().cloned());
+            // Each of many names may own all others.
+            let room = |taken: usize| registry_limits::MAX_LINKS_PER_REQUEST.saturating_sub(taken);
+            let lines = owned.iter().map(|_| "old".to_owned());
+            old.extend(lines.take(room(old.len())));
+            let held = owned
+                .iter()
+                .rev()
+                .filter(|name| self.ports.contains_key(*name));
+            waiting.extend(held.take(room(waiting.len())).cloned());
             going.push(name);
         }
+        let mut room = registry_limits::MAX_LINKS_PER_REQUEST;
         for name in going.into_iter().rev() {
-            self.forget_one(&name, effects);
+            room -= self.forget_one(&name, room, effects);
         }
     }
 
-    fn forget_one(&mut self, name: &str, effects: &mut Vec<Effect>) {
-        let links = self.links(name, |_| true);
-        effects.extend(links.into_iter().map(Effect::Disconnect));
+    /// Removes a port and at most `room` of its connections; returns the number of these.
+    fn forget_one(&mut self, name: &str, room: usize, effects: &mut Vec<Effect>) -> usize {
+        let links = match room {
+            0 => Vec::new(),
+            _ => self.links(name, |_| true),
+        };
+        let ended = links.len().min(room);
+        effects.extend(links.into_iter().take(room).map(Effect::Disconnect));
         self.end_with(name);
         let Some(registration) = self.remove(name) else {
-            return;
+            return ended;
         };
         self.record(Change::PortGone(name.to_owned()));
         self.release(&registration);
         if registration.carrier != "mcast" {
             effects.push(Effect::Removed(name.to_owned()));
         }
+        ended
     }
 
     /// Returns number, name and group of a removed port to their pools.

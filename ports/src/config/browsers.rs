@@ -65,6 +65,9 @@ mod tests {
         for text in [
             "\norigin *",
             "\norigin http://a/",
+            "\norigin http://a/b",
+            "\norigin http://a#b",
+            "\norigin http://a?b",
             "\norigin",
             "\nhost",
             "\nhost a b",

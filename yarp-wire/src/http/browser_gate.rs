@@ -145,11 +145,12 @@ impl Gate {
     /// out if it is that of the scheme). Returns `None` if it is none.
     pub fn origin(mut self, origin: &str) -> Option<Self> {
         let origin = origin.to_ascii_lowercase();
-        let (_, authority) = split(&origin)?;
+        let (scheme, authority) = split(&origin)?;
         let is_plain =
             |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '-' | ':' | '[' | ']' | '_');
         let fits = !authority.is_empty() && authority.chars().all(is_plain);
-        if !fits || origin.ends_with('/') {
+        // No browser names an origin with anything behind it: such a line would have no effect.
+        if !fits || origin.len() != scheme.len() + "://".len() + authority.len() {
             return None;
         }
         self.origins.push(origin);
