@@ -208,6 +208,9 @@ try_servers() {
         suite "inertial sensors and torques of other programs, server: $server" \
             "$with_stock" "$python" conformance/live/inertial_and_torques.py "$ours" "$work/sensors_peer"
 
+        suite "port names of a robot with fakes, server: $server" \
+            "$with_stock" "$python" conformance/live/robot_port_names.py "$ours"
+
         "$ours" camera --name /eye --mode grid --width 32 --height 24 >"$work/camera.log" 2>&1 &
         running+=($!)
         until_ok "$ours" exists /eye
