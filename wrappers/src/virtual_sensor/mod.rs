@@ -88,7 +88,7 @@ impl VirtualSensorServer {
         )];
         let start = |_: &[_]| {
             PeriodicThread::start("virtual-sensor", CHECK_INTERVAL, move || {
-                lock(&torques).check_age();
+                lock(&torques).check_age(Instant::now());
             })
         };
         let ports = ServedPorts::open(network, name, wanted, start).await?;
@@ -133,11 +133,9 @@ impl Torques {
     }
 
     /// Sets all torques to zero, once, when the last message is too old.
-    fn check_age(&mut self) {
-        if self
-            .last
-            .is_none_or(|last| last.elapsed() <= MESSAGE_TIMEOUT)
-        {
+    fn check_age(&mut self, now: Instant) {
+        let is_old = |last: Instant| now.saturating_duration_since(last) > MESSAGE_TIMEOUT;
+        if !self.last.is_some_and(is_old) {
             return;
         }
         self.last = None;
@@ -162,5 +160,42 @@ impl Torques {
             }
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use yarp_devices::fake::ConstantSensors;
+    use yarp_devices::{AnalogSensor, SensorReading};
+    use yarp_wire::Bottle;
+
+    use super::*;
+
+    /// Stock resets torques once more than 80 ms have passed.
+    #[test]
+    fn torques_are_valid_for_80_ms() {
+        let network = VirtualNetwork {
+            name: "n".to_owned(),
+            channels: (0, 2),
+            board: (0, 2),
+        };
+        let board = Arc::new(ConstantSensors::new(3));
+        let begin = Instant::now();
+        let mut torques = Torques {
+            name: "/t".to_owned(),
+            routing: Routing::new(&[network]).unwrap(),
+            boards: vec![board.clone()],
+            last: Some(begin),
+            is_reported: false,
+        };
+        let message = Bottle::parse("4 1.0 2.0 3.0").unwrap();
+        torques.routing.take(&message).unwrap();
+        torques.apply().unwrap();
+        let mut reading = SensorReading::default();
+        for (age, expected) in [(80, [1.0, 2.0, 3.0]), (81, [0.0; 3])] {
+            torques.check_age(begin + Duration::from_millis(age));
+            board.read_channels(&mut reading);
+            assert_eq!(reading.values, expected, "{age} ms");
+        }
     }
 }
