@@ -40,6 +40,7 @@ mod sample_command;
 mod server_bind_address;
 mod software_stop_ports;
 mod split_command;
+mod strict_robot_files;
 mod teach_command;
 mod ten_thousand_names;
 mod termination_signals;

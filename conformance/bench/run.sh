@@ -4,6 +4,7 @@
 #   conformance/bench/run.sh            everything
 #   conformance/bench/run.sh only names the name servers alone
 #   conformance/bench/run.sh only boards  boards alone, see boards.sh; parts of it: `only boards feed`, `orders` or `crowd`
+#   conformance/bench/run.sh only sensors servers of 50 sensors at 1 kHz alone, see sensors.sh
 #   conformance/bench/run.sh only zenoh  ours beside zenoh, whose peer takes minutes to build; not part of everything
 #   conformance/bench/run.sh only optimisations [NAME]  ours without one optimisation of ports at a time; needs no stock
 #   conformance/bench/run.sh WORDS      `bench` with these words
@@ -44,6 +45,10 @@ if [ "$*" = "only names" ]; then
     exit
 fi
 
+if [ "$*" = "only sensors" ]; then
+    exec conformance/bench/sensors.sh 10 5
+fi
+
 if [ "$*" = "only zenoh" ]; then
     cargo build --quiet --release --locked --manifest-path conformance/bench/zenoh/Cargo.toml --target-dir target/zenoh
     cargo build --quiet --release -p yarp-conformance --bin bench
@@ -70,4 +75,6 @@ if [ $# = 0 ]; then
     YARP=target/release/yarp target/release/bench_names
     echo
     conformance/bench/boards.sh
+    echo
+    conformance/bench/sensors.sh
 fi

@@ -219,6 +219,18 @@ def depths(writer, stock, ours, our_yarp, name):
         program.finish()
 
 
+def rotations(writer, ours):
+    """Stock 3.5 has no image_rotation; its pixels are worked out by hand from 3.8's sources."""
+    picture = image("rgb", 3, 2, 2, [1, 1, 1, 2, 2, 2, 3, 3, 3, 4, 4, 4])
+    for options, expected in [("", [3, 1, 4, 2]), ("+options_rotate.rotate_ccw", [2, 4, 1, 3]), ("+options_rotate.rotate_180", [4, 3, 2, 1]),
+                              ("+options_rotate.rotate_none+options_flip.flip_x", [3, 4, 1, 2])]:
+        over = f"tcp+recv.portmonitor+type.dll+file.image_rotation{options}"
+        words = writer.through(ours, over, picture).replace("{", " ").replace("}", " ").replace("(", " ").replace(")", " ").split()
+        # Rows of two pixels of three bytes are padded to eight.
+        numbers = [int(word) for word in words[-16:]]
+        same(over, [numbers[row * 8 + column * 3] for row in (0, 1) for column in (0, 1)], expected)
+
+
 def main():
     our_yarp = sys.argv[1]
     yarp.Network.init()
@@ -231,6 +243,7 @@ def main():
         for name in sys.argv[2:]:
             if name.startswith("depthimage"):
                 depths(writer, stock, ours, our_yarp, name)
+        rotations(writer, ours)
         stock.close()
         refusals(writer, ours, our_yarp)
     finally:

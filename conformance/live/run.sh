@@ -203,6 +203,14 @@ try_servers() {
         suite "stock's client reads our sensors, and ours stock's, server: $server" \
             "$with_stock" "$python" conformance/live/analog_sensors.py "$ours"
 
+        g++ -O1 -std=c++17 -include cstdint conformance/live/sensors_peer.cpp -I"$stock_package/include" \
+            -L"$stock_package/lib" -lYARP_os -lYARP_sig -lYARP_dev -lYARP_init -o "$work/sensors_peer"
+        suite "inertial sensors and torques of other programs, server: $server" \
+            "$with_stock" "$python" conformance/live/inertial_and_torques.py "$ours" "$work/sensors_peer"
+
+        suite "port names of a robot with fakes, server: $server" \
+            "$with_stock" "$python" conformance/live/robot_port_names.py "$ours"
+
         "$ours" camera --name /eye --mode grid --width 32 --height 24 >"$work/camera.log" 2>&1 &
         running+=($!)
         until_ok "$ours" exists /eye

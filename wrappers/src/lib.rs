@@ -10,6 +10,8 @@
 //! * [`frame_grabber`]: cameras. [`FrameGrabberServer`], [`RemoteFrameGrabber`].
 //! * [`analog_sensors`]: sensors of several kinds. [`AnalogSensorsServer`], [`RemoteAnalogSensors`].
 //! * [`analog_sensor`]: one sensor of several channels, of YARP 3.x. [`AnalogSensorServer`], [`RemoteAnalogSensor`].
+//! * [`inertial`]: an inertial sensor on one port, of YARP 3.x. [`InertialServer`].
+//! * [`virtual_sensor`]: torques that another program computes. [`VirtualSensorServer`].
 //! * [`hand`]: a hand as a whole, with grasps. [`HandServer`], [`RemoteHand`].
 //! * [`network_time`]: the time of a clock on the network, for programs with `YARP_CLOCK`.
 //! * [`software_stop`]: stops a device, whatever else is asked of it. [`StopServer`].
@@ -26,6 +28,7 @@ mod device_ports;
 mod first_value;
 pub mod frame_grabber;
 pub mod hand;
+pub mod inertial;
 pub mod network_time;
 mod open_ports;
 mod page_request;
@@ -33,6 +36,7 @@ mod periodic_thread;
 mod reconnect;
 pub mod software_stop;
 pub mod thrift;
+pub mod virtual_sensor;
 
 pub use analog_sensor::{
     AnalogSensorOptions, AnalogSensorServer, RemoteAnalogSensor, RemoteAnalogSensorOptions,
@@ -56,7 +60,9 @@ pub use frame_grabber::{
 };
 
 pub use hand::{HandServer, RemoteHand, RemoteHandOptions};
+pub use inertial::{InertialOptions, InertialServer};
 pub use software_stop::StopServer;
+pub use virtual_sensor::{VirtualNetwork, VirtualSensorServer};
 
 /// Compiles the example of the README.
 #[cfg(doctest)]

@@ -7,7 +7,7 @@ use std::time::Duration;
 use serde_json::{Value as Json, json};
 use tokio::sync::watch;
 use yarp_hosting::robot::{
-    DeviceEntry, Phase, Progress, ReadOptions, Robot, RunningRobot, Substitutions,
+    DeviceEntry, Phase, Problem, Progress, ReadOptions, Robot, RunningRobot, Substitutions,
 };
 use yarp_ports::{Answer, Network, Port, PortOptions, Received};
 use yarp_wire::settings::Setting;
@@ -47,7 +47,7 @@ const HELP: [(&str, &str); 8] = [
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// --config FILE (or `config FILE` in yarprobotinterface.ini), --context CONTEXT, --portprefix /P, --dryrun, --json (with
-    /// --dryrun), --substitute FILE (other devices in the place of those of the robot), --nopark, --enable_tags "(a b)", --disable_tags "(a b)", --allow-deprecated-dtd, --bind ADDRESS, and values for parameters that
+    /// --dryrun), --strict (reports what stock reads without a word and is most likely a mistake, and ends with 1 if there is anything), --substitute FILE (other devices in the place of those of the robot), --nopark, --enable_tags "(a b)", --disable_tags "(a b)", --allow-deprecated-dtd, --bind ADDRESS, and values for parameters that
     /// have an extern-name
     #[arg(
         value_name = "OPTION",
@@ -74,7 +74,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let options = ReadOptions {
         given: settings.clone(),
     };
-    let mut robot = Robot::read(&file, &options)?;
+    let (mut robot, lints) = Robot::read_with_lints(&file, &options)?;
     if settings.has("substitute") {
         let Some(rules) = finder.find_file("substitute") else {
             let name = settings.get("substitute").map(Setting::to_plain_string);
@@ -85,12 +85,28 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
             tracing::warn!(target: COMPONENT, "{omitted}");
         }
     }
-    if settings.has("dryrun") {
+    let dry = settings.has("dryrun");
+    let lints = settings.has("strict").then_some(lints);
+    for lint in lints.iter().flatten() {
+        tracing::warn!(target: COMPONENT, "{lint}");
+    }
+    if dry {
         match settings.has("json") {
             // In one piece, so that a slow reader loses nothing.
-            true => out.write_all(format!("{:#}\n", as_json(&robot)).as_bytes())?,
+            true => {
+                out.write_all(format!("{:#}\n", as_json(&robot, lints.as_deref())).as_bytes())?
+            }
             false => describe(&robot, out)?,
         }
+    }
+    if let Some(lints) = lints {
+        let count = lints.len() + robot.problems().len();
+        if count > 0 {
+            tracing::error!(target: COMPONENT, "{count} problems found: expected none with --strict");
+            return Ok(ExitCode::FAILURE);
+        }
+    }
+    if dry {
         return Ok(ExitCode::SUCCESS);
     }
     let parks = !settings.has("nopark");
@@ -149,8 +165,8 @@ fn write_description(robot: &Robot, out: &mut Vec<u8>) -> Result<()> {
 
 /// Returns the robot with its devices, resolved parameters and actions, and what would fail.
 ///
-/// A parameter is an array of its values; lists and groups in it are arrays, too.
-fn as_json(robot: &Robot) -> Json {
+/// A parameter is an array of its values; lists and groups in it are arrays, too. `lints` are those of `--strict`.
+fn as_json(robot: &Robot, lints: Option<&[Problem]>) -> Json {
     let actions = |device: &DeviceEntry| {
         let actions = device.actions.iter().map(|action| {
             json!({
@@ -186,17 +202,22 @@ fn as_json(robot: &Robot) -> Json {
             "origin": device.origin.to_string(),
         })
     });
-    let problems = robot
-        .problems()
-        .into_iter()
-        .map(|problem| json!({"origin": problem.origin.to_string(), "what": problem.what}));
-    json!({
+    let list = |problems: &[Problem]| {
+        let entry =
+            |problem: &Problem| json!({"origin": problem.origin.to_string(), "what": problem.what});
+        Json::from_iter(problems.iter().map(entry))
+    };
+    let mut whole = json!({
         "name": robot.name,
         "build": robot.build,
         "portprefix": robot.port_prefix,
         "devices": Json::from_iter(devices),
-        "problems": Json::from_iter(problems),
-    })
+        "problems": list(&robot.problems()),
+    });
+    if let Some(lints) = lints {
+        whole["lints"] = list(lints);
+    }
+    whole
 }
 
 fn value_as_json(value: &Value) -> Json {

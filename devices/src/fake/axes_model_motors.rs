@@ -64,6 +64,26 @@ impl AxesModel {
         self.of(axes, Axis::torque)
     }
 
+    /// Same as [`VirtualSensor::set_virtual_measures`](crate::VirtualSensor::set_virtual_measures).
+    pub fn set_virtual_measures(&mut self, values: &[f64]) -> Outcome<()> {
+        let total = self.axes();
+        if values.len() > total {
+            return Err(DeviceError::WrongCount {
+                what: "measured torques",
+                expected: total,
+                got: values.len(),
+            });
+        }
+        for (number, value) in values.iter().enumerate() {
+            self.axis(number.into())?
+                .check_finite("measured torque", *value)?;
+        }
+        for (number, value) in values.iter().enumerate() {
+            self.axis_mut(number.into())?.set_virtual_torque(*value);
+        }
+        Ok(())
+    }
+
     pub fn torque_ranges(&self, axes: Axes<'_>) -> Outcome<Vec<Limits>> {
         self.of(axes, |axis| symmetric(axis.largest_torque()))
     }

@@ -1,8 +1,11 @@
 //! Sensors with constant values.
 
+use std::sync::{Arc, Mutex, PoisonError};
+
 use crate::clock;
 use crate::{
     AnalogSensor, AnalogSensors, Device, DeviceError, SensorInfo, SensorKind, SensorReading,
+    VirtualSensor,
 };
 
 /// Standard gravity, m/s².
@@ -14,7 +17,8 @@ const TEMPERATURE: f64 = 25.0;
 /// values are 0.
 ///
 /// They take the place of boards of sensors that are not there. As one sensor of several channels
-/// ([`AnalogSensor`]) all channels are 0.
+/// ([`AnalogSensor`]) all channels are 0, or what they are set to as torques that are measured outside
+/// ([`VirtualSensor`]).
 ///
 /// ```
 /// use yarp_devices::fake::ConstantSensors;
@@ -26,7 +30,10 @@ const TEMPERATURE: f64 = 25.0;
 /// ```
 #[derive(Clone, Debug)]
 pub struct ConstantSensors {
-    channels: usize,
+    /// Values of the channels; clones share them.
+    channels: Arc<Mutex<Vec<f64>>>,
+    /// Number of values of arrays and skin patches.
+    length: usize,
     names: [Vec<String>; SensorKind::ALL.len()],
 }
 
@@ -34,7 +41,8 @@ impl ConstantSensors {
     /// Creates `channels` channels and no other sensors; arrays and skin patches have this length too.
     pub fn new(channels: usize) -> Self {
         Self {
-            channels,
+            channels: Arc::new(Mutex::new(vec![0.0; channels])),
+            length: channels,
             names: Default::default(),
         }
     }
@@ -71,7 +79,7 @@ impl AnalogSensors for ConstantSensors {
     }
 
     fn read_sensors(&self, kind: SensorKind, readings: &mut Vec<SensorReading>) {
-        let mut values = vec![0.0; kind.size().unwrap_or(self.channels)];
+        let mut values = vec![0.0; kind.size().unwrap_or(self.length)];
         match kind {
             SensorKind::LinearAccelerometer => values[2] = GRAVITY,
             SensorKind::Temperature => values[0] = TEMPERATURE,
@@ -87,26 +95,57 @@ impl AnalogSensors for ConstantSensors {
 
 impl AnalogSensor for ConstantSensors {
     fn channels(&self) -> usize {
-        self.channels
+        self.length
     }
 
     fn read_channels(&self, reading: &mut SensorReading) {
-        reading.set(&vec![0.0; self.channels], clock::now());
+        let values = self.channels.lock().unwrap_or_else(PoisonError::into_inner);
+        reading.set(&values, clock::now());
     }
 
-    /// Succeeds: all channels are 0 already.
+    /// Succeeds, without an effect.
     fn calibrate(&self, channel: Option<usize>) -> Result<(), DeviceError> {
         match channel {
-            Some(channel) if channel >= self.channels => Err(DeviceError::Unsuitable {
+            Some(channel) if channel >= self.length => Err(DeviceError::Unsuitable {
                 what: "channel",
                 asked: channel.to_string(),
-                expected: format!("one of {}, counted from 0", self.channels),
+                expected: format!("one of {}, counted from 0", self.length),
             }),
             _ => Ok(()),
         }
     }
 }
 
+impl VirtualSensor for ConstantSensors {
+    fn virtual_channels(&self) -> usize {
+        self.length
+    }
+
+    fn set_virtual_measures(&self, values: &[f64]) -> Result<(), DeviceError> {
+        let mut channels = self.channels.lock().unwrap_or_else(PoisonError::into_inner);
+        let Some(first) = channels.get_mut(..values.len()) else {
+            return Err(DeviceError::WrongCount {
+                what: "measured torques",
+                expected: self.length,
+                got: values.len(),
+            });
+        };
+        if let Some(joint) = values.iter().position(|value| !value.is_finite()) {
+            return Err(DeviceError::NotFinite {
+                joint: joint.into(),
+                quantity: "measured torque",
+                asked: values[joint],
+            });
+        }
+        first.copy_from_slice(values);
+        Ok(())
+    }
+}
+
 impl Device for ConstantSensors {
-    crate::offers! { analog_sensors: AnalogSensors, analog_sensor: AnalogSensor }
+    crate::offers! {
+        analog_sensors: AnalogSensors,
+        analog_sensor: AnalogSensor,
+        virtual_sensor: VirtualSensor,
+    }
 }

@@ -65,6 +65,8 @@ pub(super) struct Axis {
     reference_acceleration: f64,
     /// True if an earlier request exceeded the maximum.
     was_bounded: bool,
+    /// Torque that is reported in place of the axis's own.
+    virtual_torque: Option<f64>,
     motor: Motor,
 }
 
@@ -84,6 +86,7 @@ impl Axis {
             reference_speed: built.reference_speed,
             reference_acceleration: built.reference_acceleration,
             was_bounded: false,
+            virtual_torque: None,
             motor: Motor::new(largest_torque(&built) / TORQUE_CONSTANT),
             built,
         }
@@ -111,8 +114,16 @@ impl Axis {
         &mut self.motor
     }
 
-    /// Returns the torque at the joint, Nm or N: the commanded one, or that of the path.
+    /// Sets the torque that is reported from now on; the motion does not change.
+    pub(super) fn set_virtual_torque(&mut self, torque: f64) {
+        self.virtual_torque = Some(torque);
+    }
+
+    /// Returns the torque at the joint, Nm or N: the one set from outside, the commanded one, or that of the path.
     pub(super) fn torque(&self) -> f64 {
+        if let Some(torque) = self.virtual_torque {
+            return torque;
+        }
         let push = match &self.drive {
             Some(drive) => drive.pushed(),
             None => {

@@ -34,6 +34,10 @@ macro_rules! guarded_interface {
             self.device().$method()
         }
     };
+    // Measures make no motion.
+    (virtual_sensor $interface:ident) => {
+        guarded_interface! { @unguarded virtual_sensor $interface }
+    };
     // The guard itself has it.
     (software_stop $interface:ident) => {
         crate::offers! { software_stop: $interface }

@@ -119,6 +119,8 @@ macro_rules! device_interfaces {
             analog_sensors: AnalogSensors;
             /// One sensor of several channels (`IAnalogSensor` of 3.x).
             analog_sensor: AnalogSensor;
+            /// Torques that are measured outside (`IVirtualAnalogSensor`).
+            virtual_sensor: VirtualSensor;
             /// Bytes over a line (`ISerialDevice`).
             serial_device: SerialDevice;
         }
@@ -223,6 +225,7 @@ mod software_stop;
 mod torque_control;
 mod velocity_control;
 mod velocity_direct;
+mod virtual_sensor;
 
 pub use amplifier_control::{AmplifierControl, AmplifierLimit};
 pub use analog_sensor::AnalogSensor;
@@ -267,3 +270,4 @@ pub use software_stop::{MachineBrake, SoftwareStop, StopState};
 pub use torque_control::{MotorTorqueParameters, TorqueControl};
 pub use velocity_control::VelocityControl;
 pub use velocity_direct::VelocityDirect;
+pub use virtual_sensor::VirtualSensor;

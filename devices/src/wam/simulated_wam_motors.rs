@@ -10,7 +10,7 @@ use crate::{
     ImpedanceLimits, Interaction, InteractionMode, JointBrake, JointFault, Limits, MotionControl,
     Motor, MotorEncoders, MotorTorqueParameters, Pid, PidControl, PidInfo, PidKind, PidValue,
     PositionControl, PositionDirect, PwmControl, RemoteCalibrator, RemoteVariables, TorqueControl,
-    VariableValue, VelocityDirect,
+    VariableValue, VelocityDirect, VirtualSensor,
 };
 
 /// Longer than any way home takes.
@@ -41,6 +41,17 @@ impl Device for SimulatedWam {
         remote_variables: RemoteVariables,
         joint_fault: JointFault,
         joint_brake: JointBrake,
+        virtual_sensor: VirtualSensor,
+    }
+}
+
+impl VirtualSensor for SimulatedWam {
+    fn virtual_channels(&self) -> usize {
+        self.arm().model.axes()
+    }
+
+    fn set_virtual_measures(&self, values: &[f64]) -> Result<(), DeviceError> {
+        self.arm().model.set_virtual_measures(values)
     }
 }
 

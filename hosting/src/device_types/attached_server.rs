@@ -9,7 +9,7 @@ use yarp_wire::settings::{Origin, ParameterError, Parameters};
 use yarp_wrappers::{
     AnalogSensorOptions, AnalogSensorServer, AnalogSensorsOptions, AnalogSensorsServer,
     BatteryServer, BatteryServerOptions, CartesianServer, CartesianServerOptions,
-    FrameGrabberOptions, FrameGrabberServer, OpenError,
+    FrameGrabberOptions, FrameGrabberServer, InertialOptions, InertialServer, OpenError,
 };
 
 use super::Opening;
@@ -59,6 +59,7 @@ servers! {
     BatteryServer: BatteryServerOptions
     CartesianServer: CartesianServerOptions
     FrameGrabberServer: FrameGrabberOptions
+    InertialServer: InertialOptions
 }
 
 /// Choice of the device that a server serves; a function of the devices that it attaches to is one.

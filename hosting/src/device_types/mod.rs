@@ -15,10 +15,12 @@ mod camera_devices;
 mod cartesian_devices;
 mod fake_motion_control;
 mod fake_sensors;
+mod inertial;
 mod local_device;
 mod multiple_analog_sensors_devices;
 mod remote_board;
 mod robot_description;
+mod virtual_analog_server;
 
 use yarp_ports::Network;
 use yarp_wire::settings::{Origin, Parameters};
@@ -88,6 +90,7 @@ pub const DEVICE_TYPES: &[DeviceType] = &[
     device_type("frameGrabber_nwc_yarp", &[], "a camera served by another program; remote, local, stream, no_stream", None, |opening| Box::pin(camera_devices::remote(opening))),
     device_type("frameGrabber_nws_yarp", &[], "serves a camera on ports; name, period in seconds, capabilities", None, |opening| Box::pin(camera_devices::server(opening))),
     device_type("grabber", &["grabberDual"], "the same with the old names; name, period in milliseconds", None, |opening| Box::pin(camera_devices::old_server(opening))),
+    device_type("inertial", &[], "serves an inertial sensor as YARP 3.x, as twelve numbers on one port; name, period in seconds, sensor", None, |opening| Box::pin(inertial::open(opening))),
     device_type("multipleanalogsensorsclient", &[], "sensors served by another program; remote, local, carrier, timeout", None, |opening| Box::pin(multiple_analog_sensors_devices::remote(opening))),
     device_type("multipleanalogsensorsremapper", &[], "sensors of several devices as one; ThreeAxisGyroscopesNames and so on, a list of names for each kind", None, |opening| Box::pin(multiple_analog_sensors_devices::remapper(opening))),
     device_type("multipleanalogsensorsserver", &[], "serves sensors on ports; name, period in milliseconds, measure_lists 10 or 12", None, |opening| Box::pin(multiple_analog_sensors_devices::server(opening))),
@@ -95,6 +98,7 @@ pub const DEVICE_TYPES: &[DeviceType] = &[
     device_type(ROBOT_DESCRIPTION, &[], "tells which devices a robot has, once attached to yriDescriptionStorage; local", None, |opening| Box::pin(robot_description::open(opening))),
     device_type("simulatedSensors", &[], "an IMU and a force/torque sensor on the arm it attaches to, or on one of its own; imu, ft, frame, mass, centre, copies", Some(SENSOR_SERVER), |opening| Box::pin(multiple_analog_sensors_devices::simulated(opening))),
     device_type("skinWrapper", &[], "serves a skin as iCub, on /ROBOT/skin/PART; robotName, period in milliseconds, ports", None, |opening| Box::pin(analog_sensor_devices::skin(opening))),
+    device_type("virtualAnalogServer", &[], "takes the torques of joints from another program; name, networks and a row of four numbers for each", None, |opening| Box::pin(virtual_analog_server::open(opening))),
     device_type("simulatedWam", &[], "a simulated WAM arm that moves exactly as commanded", Some(SERVER), |opening| Box::pin(arms::ideal(opening))),
 ];
 

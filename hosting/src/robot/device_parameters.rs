@@ -153,10 +153,7 @@ impl Param {
         text: &str,
         origin: Origin,
     ) -> Result<Option<Self>, RobotError> {
-        let open = text.matches('(').count();
-        let whole =
-            open == text.matches(')').count() && text.matches('"').count().is_multiple_of(2);
-        if !whole {
+        if !is_balanced(text) {
             let beginning: String = text.trim().chars().take(MAX_SHOWN_TEXT).collect();
             tracing::warn!(
                 "{origin}: parameter {name} is lost: expected a value with as many brackets and quotes that close as open, got {beginning}"
@@ -179,6 +176,12 @@ impl Param {
             ParamValue::Group(_) => None,
         }
     }
+}
+
+/// Returns true for a value with as many brackets and quotes that close as open.
+pub(super) fn is_balanced(text: &str) -> bool {
+    let count = |c: char| text.matches(c).count();
+    count('(') == count(')') && count('"').is_multiple_of(2)
 }
 
 /// Returns the parameter named `name`.

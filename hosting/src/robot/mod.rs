@@ -9,6 +9,7 @@
 //! | `description_server` | a port that tells which devices a robot has |
 //! | `substitutions` | other devices in the place of those of a description |
 //! | `checks` | what would fail later, for dry runs |
+//! | `lints` | what stock reads without a word and is most likely a mistake |
 //! | `targets` | the devices that an action names |
 //! | `lifecycle` | the phases of a robot's life |
 //!
@@ -21,6 +22,7 @@ mod description_server;
 mod device_parameters;
 mod include_tags;
 mod lifecycle;
+mod lints;
 mod robot_error;
 mod substitutions;
 mod targets;
@@ -187,16 +189,29 @@ impl Robot {
     ///
     /// Errors: [`RobotError`], with file and line.
     pub fn read(file: &Path, options: &ReadOptions) -> Result<Self, RobotError> {
+        Ok(Self::read_with_lints(file, options)?.0)
+    }
+
+    /// Reads the description as [`read`](Self::read), and returns what stock reads without a word and is most likely a
+    /// mistake: syntax that XML does not allow, attributes and texts that nothing reads, names given twice.
+    ///
+    /// The first 1000 are returned. Errors: [`RobotError`], with file and line.
+    pub fn read_with_lints(
+        file: &Path,
+        options: &ReadOptions,
+    ) -> Result<(Self, Vec<Problem>), RobotError> {
+        let mut lints = lints::Lints::default();
         let mut robot = match file.extension() {
             Some(ending) if ending == "toml" => toml_description::read(file, options)?,
-            _ => xml_description::read(file, options)?,
+            _ => xml_description::read(file, options, &mut lints)?,
         };
         if let Some(prefix) = options.given.get("portprefix") {
             robot.port_prefix = prefix.to_plain_string();
         }
         robot.replace_variables();
         robot.warn_of_repeated_names();
-        Ok(robot)
+        lints.of_robot(&robot);
+        Ok((robot, lints.into_problems()))
     }
 
     /// Returns the first part of the names of the robot's own ports, such as `/icub`.

@@ -9,12 +9,16 @@
 //! * A run of white space in a text is one blank, also inside quotes; that of attributes stays.
 //! * An `&` that begins no entity is dropped. There are only the five entities of XML, and numbers.
 //!
+//! Each such difference in a document is listed in [`XmlDocument::lints`], namespaces excepted.
+//!
 //! The parser does not recurse, and the memory it needs is bounded by the length of the text.
 
 /// Maximum depth of nested elements.
 const MAX_ELEMENT_DEPTH: usize = 100;
 /// Maximum number of attributes of an element.
 const MAX_ATTRIBUTES: usize = 1000;
+/// Maximum number of lints of a document; later ones are not listed.
+const MAX_LINTS: usize = 200;
 const ENTITIES: [(&str, char); 5] = [
     ("&amp;", '&'),
     ("&lt;", '<'),
@@ -30,6 +34,8 @@ pub(super) struct XmlDocument {
     pub(super) root: XmlElement,
     /// Tags before, between and after elements that are passed over, as document types: line and content.
     pub(super) unknown: Vec<(usize, String)>,
+    /// What XML does not allow: line and description.
+    pub(super) lints: Vec<(usize, String)>,
 }
 
 /// An element.
@@ -61,16 +67,32 @@ pub(super) struct XmlError {
 /// Errors: [`XmlError`] for an element or a comment that is not closed, a wrong closing tag, an attribute
 /// without a value or given twice, no element at all, too many elements, and elements nested too deeply.
 pub(super) fn parse(text: &str, budget: &mut usize) -> Result<XmlDocument, XmlError> {
+    let whole = text.replace("\r\n", "\n").replace('\r', "\n");
     // A C string ends there.
-    let text = text.split('\0').next().unwrap_or_default();
-    let text = text.replace("\r\n", "\n").replace('\r', "\n");
+    let text = whole.split('\0').next().unwrap_or_default();
     let mut parser = Parser {
-        text: &text,
+        text,
         at: 0,
         line: 1,
         budget,
+        lints: Vec::new(),
     };
-    parser.document()
+    let mut document = parser.document()?;
+    document.lints = parser.lints;
+    let mut place = (1, 0);
+    for (at, _) in whole.match_indices(is_forbidden).take(MAX_LINTS) {
+        place = (place.0 + whole[place.1..at].matches('\n').count(), at);
+        let code = u32::from(whole.as_bytes()[at]);
+        let what = match code {
+            0 => "a NUL character: nothing after it is read".to_owned(),
+            _ => format!("control character {code} is not allowed"),
+        };
+        document.lints.push((place.0, what));
+        if code == 0 {
+            break;
+        }
+    }
+    Ok(document)
 }
 
 struct Parser<'t, 'b> {
@@ -79,6 +101,7 @@ struct Parser<'t, 'b> {
     at: usize,
     line: usize,
     budget: &'b mut usize,
+    lints: Vec<(usize, String)>,
 }
 
 /// An element whose end is not read yet.
@@ -98,21 +121,41 @@ impl<'t> Parser<'t, '_> {
             let rest = self.rest();
             if !rest.starts_with('<') {
                 // The end, or text outside of elements: nothing after it is read.
+                if !rest.is_empty() {
+                    self.lint("text after the root element: nothing after it is read");
+                }
                 break;
             } else if begins_element(rest) {
+                if root.is_some() {
+                    self.lint("an element after the root element is passed over");
+                }
                 let element = self.element()?;
                 root.get_or_insert(element);
             } else {
                 match self.pass_over() {
-                    Ok(tag) => unknown.extend(tag.map(|tag| (line, tag.to_owned()))),
+                    Ok(tag) => {
+                        let is_type = tag.is_some_and(|tag| tag.starts_with("!DOCTYPE"));
+                        let known = |(_, tag): &(usize, String)| tag.starts_with("!DOCTYPE");
+                        if is_type && (root.is_some() || unknown.iter().any(known)) {
+                            self.lint("a document type has to be before the root element, once");
+                        }
+                        unknown.extend(tag.map(|tag| (line, tag.to_owned())));
+                    }
                     // Stock does not mind what is not closed after the root element.
-                    Err(_) if root.is_some() => break,
+                    Err(error) if root.is_some() => {
+                        self.lint(format!("after the root element: {}", error.what));
+                        break;
+                    }
                     Err(error) => return Err(error),
                 }
             }
         }
         match root {
-            Some(root) => Ok(XmlDocument { root, unknown }),
+            Some(root) => Ok(XmlDocument {
+                root,
+                unknown,
+                lints: Vec::new(),
+            }),
             None => Err(self.error("there is no element")),
         }
     }
@@ -184,6 +227,9 @@ impl<'t> Parser<'t, '_> {
             } else if begins_element(rest) {
                 return Ok(true);
             } else {
+                if rest.starts_with("<!DOCTYPE") {
+                    self.lint("a document type has to be before the root element, once");
+                }
                 self.pass_over()?;
             }
         }
@@ -229,7 +275,10 @@ impl<'t> Parser<'t, '_> {
             }
             self.advance(1);
             self.skip_white_space();
-            let value = self.value(&element.name)?;
+            let value = self.value(&element.name, name)?;
+            if self.rest().starts_with(begins_name) {
+                self.lint(format!("no blank after the value of attribute {name}"));
+            }
             if element.attributes.iter().any(|(known, _)| known == name) {
                 let what = format!("attribute {name} occurs twice in <{}>", element.name);
                 return Err(self.error(what));
@@ -245,18 +294,22 @@ impl<'t> Parser<'t, '_> {
     }
 
     /// Reads the value of an attribute, quoted or up to the next blank, `/` or `>`.
-    fn value(&mut self, element: &str) -> Result<String, XmlError> {
+    fn value(&mut self, element: &str, attribute: &str) -> Result<String, XmlError> {
         let rest = self.rest();
         if let Some(quote) = rest.chars().next().filter(|c| matches!(c, '"' | '\'')) {
             let Some(length) = rest[1..].find(quote) else {
                 return Err(self.error(format!("{quote} is not closed in <{element}>")));
             };
+            if rest[1..=length].contains('<') {
+                self.lint(format!("expected &lt; in attribute {attribute}, got <"));
+            }
             let value = self.decode(&rest[1..=length], false)?;
             self.advance(length + 2);
             return Ok(value);
         }
         let ends = |c: char| is_white(c) || matches!(c, '/' | '>' | '"' | '\'');
         let length = rest.find(ends).unwrap_or(rest.len());
+        self.lint(format!("the value of attribute {attribute} is not quoted"));
         self.advance(length);
         match self.rest().chars().next() {
             None => Err(self.error(format!("<{element} is not closed, expected >"))),
@@ -285,6 +338,9 @@ impl<'t> Parser<'t, '_> {
     fn text(&mut self) -> Result<String, XmlError> {
         let rest = self.rest();
         let length = rest.find('<').unwrap_or(rest.len());
+        if rest[..length].contains("]]>") {
+            self.lint("expected ]]&gt; in a text, got ]]>");
+        }
         let text = self.decode(&rest[..length], true)?;
         self.advance(length);
         Ok(text)
@@ -298,18 +354,38 @@ impl<'t> Parser<'t, '_> {
             let Some(length) = inside.find("-->") else {
                 return Err(self.error("a comment is not closed, expected -->"));
             };
+            if inside[..length].contains("--") || inside[..length].ends_with('-') {
+                self.lint("-- inside a comment");
+            }
             self.advance("<!--".len() + length + "-->".len());
             return Ok(None);
         }
         let Some(length) = rest.find('>') else {
             return Err(self.error("< is not closed, expected >"));
         };
+        self.lint_passed_over(&rest[..=length]);
         self.advance(length + 1);
         Ok(Some(&rest[1..length]))
     }
 
+    /// Lists a tag that is passed over, unless XML has it there.
+    fn lint_passed_over(&mut self, tag: &str) {
+        let is_declaration = tag
+            .strip_prefix("<?xml")
+            .is_some_and(|rest| rest.starts_with(|c| is_white(c) || c == '?'));
+        let starts = self.at == 0 || self.text[..self.at] == *"\u{feff}";
+        if is_declaration && !starts {
+            self.lint("an XML declaration has to be at the beginning of the file");
+        } else if !tag.starts_with("<?") && !tag.starts_with("<!DOCTYPE") {
+            let shown: String = tag.chars().take(20).collect();
+            self.lint(format!(
+                "expected a name after <, got {shown:?}: the tag is passed over"
+            ));
+        }
+    }
+
     /// Replaces entities, and white space if `condense`.
-    fn decode(&self, mut text: &str, condense: bool) -> Result<String, XmlError> {
+    fn decode(&mut self, mut text: &str, condense: bool) -> Result<String, XmlError> {
         let mut out = String::with_capacity(text.len());
         let (mut blank, mut started) = (false, false);
         while let Some(first) = text.chars().next() {
@@ -332,6 +408,9 @@ impl<'t> Parser<'t, '_> {
                 text = rest;
             } else {
                 let known = ENTITIES.iter().find(|(name, _)| text.starts_with(name));
+                if known.is_none() {
+                    self.lint("expected &amp; or another entity, got &, which is dropped");
+                }
                 out.extend(known.map(|(_, character)| *character));
                 text = &text[known.map_or(1, |(name, _)| name.len())..];
             }
@@ -364,6 +443,12 @@ impl<'t> Parser<'t, '_> {
     fn skip_white_space(&mut self) {
         let rest = self.rest();
         self.advance(rest.len() - rest.trim_start_matches(is_white).len());
+    }
+
+    fn lint(&mut self, what: impl Into<String>) {
+        if self.lints.len() < MAX_LINTS {
+            self.lints.push((self.line, what.into()));
+        }
     }
 
     fn error(&self, what: impl Into<String>) -> XmlError {
@@ -401,6 +486,11 @@ fn begins_element(rest: &str) -> bool {
 
 fn begins_name(c: char) -> bool {
     c.is_ascii_alphabetic() || c == '_' || (c >= '\x7f' && !is_white(c))
+}
+
+/// Returns true for a character that no XML document may contain.
+fn is_forbidden(c: char) -> bool {
+    c < ' ' && !matches!(c, '\t' | '\n' | '\r')
 }
 
 fn is_white(c: char) -> bool {

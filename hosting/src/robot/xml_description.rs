@@ -27,6 +27,7 @@ use super::description_files::Files;
 use super::{
     Action, ActionKind, DeviceEntry, Param, ParamValue, Phase, ReadOptions, Robot, RobotError,
     include_tags,
+    lints::Lints,
     tolerant_xml::{self, XmlDocument, XmlElement},
 };
 
@@ -35,29 +36,35 @@ const MAX_ELEMENTS: usize = 1_000_000;
 /// Namespace of the document types that stock knows.
 const DOCUMENT_TYPE: &str = "http://www.yarp.it/DTD/yarprobotinterfaceV";
 
-pub(super) fn read(file: &Path, options: &ReadOptions) -> Result<Robot, RobotError> {
+pub(super) fn read(
+    file: &Path,
+    options: &ReadOptions,
+    lints: &mut Lints,
+) -> Result<Robot, RobotError> {
     let mut reader = Reader {
         given: &options.given,
         old: false,
         files: Files::default(),
         budget: MAX_ELEMENTS,
+        lints,
     };
     let root = reader.load(file, None, 0)?;
+    reader.lints.of_element(&root, reader.old);
     reader.robot(&root)
 }
 
 /// An element with everything it includes.
 #[derive(Debug)]
-struct Element {
-    name: String,
-    attributes: Vec<(String, String)>,
-    text: Option<String>,
-    children: Vec<Element>,
-    origin: Origin,
+pub(super) struct Element {
+    pub(super) name: String,
+    pub(super) attributes: Vec<(String, String)>,
+    pub(super) text: Option<String>,
+    pub(super) children: Vec<Element>,
+    pub(super) origin: Origin,
 }
 
 impl Element {
-    fn attribute(&self, name: &str) -> Option<&str> {
+    pub(super) fn attribute(&self, name: &str) -> Option<&str> {
         let found = self.attributes.iter().find(|(known, _)| known == name);
         found.map(|(_, value)| value.as_str())
     }
@@ -97,6 +104,7 @@ struct Reader<'a> {
     files: Files,
     /// Number of elements that may still be read.
     budget: usize,
+    lints: &'a mut Lints,
 }
 
 impl Reader<'_> {
@@ -116,6 +124,7 @@ impl Reader<'_> {
                 what: error.what + &included,
             }
         })?;
+        self.lints.of_document(&document, &name);
         if by.is_none() {
             self.old = self.is_old(&document, &name)?;
         }

@@ -1,4 +1,4 @@
-//! Well-formed XML yields the same tree as a strict parser.
+//! Well-formed XML yields the same tree as a strict parser, and only what that parser refuses has lints.
 
 use proptest::prelude::*;
 use roxmltree::{Document, Node};
@@ -23,6 +23,30 @@ const PIECES: [&str; 16] = [
     "<a b=\"\" />",
     "</a >",
     "<b>",
+];
+
+/// More pieces, most of which XML does not allow.
+const MALFORMED: [&str; 20] = [
+    "<c d=1/>",
+    "<c d=1 e='2'>",
+    "</c>",
+    "<c d='1'e='2'/>",
+    "<c d='a<b'/>",
+    "<c d='a&b'/>",
+    "<!-- a -- b -->",
+    "<!-- a --->",
+    "<?xml version=\"1.0\"?>",
+    "<?other?>",
+    "<!DOCTYPE r>",
+    "<1>",
+    "a & b",
+    "a ]]> b",
+    "<![CDATA[ a & b ]]>",
+    "\u{1}",
+    "</r>",
+    "<r>",
+    "\n",
+    "x",
 ];
 
 fn condensed(text: &str) -> Option<String> {
@@ -72,6 +96,21 @@ proptest! {
             prop_assert!(ours.is_ok(), "{text}: {ours:?}");
             let ours = trimmed(ours.unwrap().root);
             prop_assert_eq!(ours, strict(document.root_element()), "{}", text);
+        }
+    }
+
+    #[test]
+    fn what_a_strict_parser_refuses_has_lints(
+        begin in prop::sample::select(&["", "\n", "<!DOCTYPE r>", "<!-- -->"][..]),
+        pieces in prop::collection::vec(prop_oneof![
+            prop::sample::select(&PIECES[..]), prop::sample::select(&MALFORMED[..])
+        ], 0..5),
+    ) {
+        let text = format!("{begin}<r>{}</r>", pieces.concat());
+        let options = roxmltree::ParsingOptions { allow_dtd: true, ..Default::default() };
+        let strict = Document::parse_with_options(&text, options);
+        if let Ok(ours) = parse(&text, &mut 100) {
+            prop_assert_eq!(ours.lints.is_empty(), strict.is_ok(), "{}: {:?}, {:?}", text, ours.lints, strict);
         }
     }
 }

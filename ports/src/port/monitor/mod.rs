@@ -10,6 +10,9 @@
 //! | `bottle_compression_zlib` | yes | compresses at the writer, expands at the reader | |
 //! | `depthimage_compression_zlib` | yes | the same for images of `dec` pixels | |
 //! | `depthimage_to_mono`, `depthimage_to_rgb` | yes | depths of 0.2 to 10 m as grey or colour | |
+//! | `depthimage` | in older ones | the older name of `depthimage_to_mono` | |
+//! | `image_rotation` | from 3.8 | turns and mirrors images | `options_rotate`, `rotate_cw`; `options_flip`, `flip_none` |
+//! | `soundfilter_resample` | from 3.6 | selects a channel, amplifies, resamples | `channel`, `gain_percent`, `frequency` |
 //! | `throttleDown` | yes | lets one message through per period | `period_ms`, 1000 |
 //! | `simulated_network_delay` | yes | holds each message back | `delay_ms`, 0 |
 //! | `stats_monitor`, `statistics` | by name | counts; `[get]` tells | |
@@ -43,10 +46,12 @@ mod depth_image;
 mod grey_image;
 #[cfg(feature = "jpeg")]
 mod image_compression;
+mod image_rotation;
 mod message_statistics;
 mod monitor_chain;
 mod monitor_task;
 mod priority_arbiter;
+mod sound_resample;
 mod throttle;
 #[cfg(feature = "zlib")]
 mod zlib;
@@ -248,12 +253,15 @@ const MONITORS: &[Entry] = &[
         "depthimage_compression_zlib",
         depth_compression::DepthZlib::make,
     ),
+    ("depthimage", depth_image::ToMono::make),
     ("depthimage_to_mono", depth_image::ToMono::make),
     ("depthimage_to_rgb", depth_image::ToRgb::make),
     #[cfg(feature = "jpeg")]
     ("image_compression_jpeg", image_compression::Jpeg::make),
+    ("image_rotation", image_rotation::Rotation::make),
     ("image_to_mono", grey_image::ToMono::make),
     ("simulated_network_delay", delay::Delay::make),
+    ("soundfilter_resample", sound_resample::Resample::make),
     ("statistics", message_statistics::Statistics::make),
     ("stats_monitor", message_statistics::Statistics::make),
     ("throttleDown", throttle::Throttle::make),
