@@ -106,7 +106,7 @@ impl Asked {
             assert!(lines.iter().all(|line| !line.contains(['\r', '\n'])));
             // A line for each name that the port owned, and the answer.
             let is_removal = matches!(request.command, Command::Unregister { .. });
-            assert!(!is_removal || lines.len() <= MAX_LINKS + 6);
+            assert!(!is_removal || lines.iter().count() <= MAX_LINKS + 6);
         }
         let links = effects
             .iter()
