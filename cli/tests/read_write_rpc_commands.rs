@@ -179,3 +179,13 @@ fn wait_ends_when_the_port_comes() {
     let _reader = home.start("read /late").see("active at");
     waiting.finish().with(0);
 }
+
+/// Stock drops what `printf 'get axes' | yarp rpc` sends, since the line has no end.
+#[test]
+fn a_request_without_a_line_end_is_sent() {
+    let home = Home::new();
+    let _server = home.serve();
+    let _arm = home.start("up --name /arm").see("/arm/rpc:i");
+    let told = home.run_with("rpc /arm/rpc:i", "[get] [axes]").with(0);
+    assert!(told.says("Response: [is] [axes] 7"), "{told:?}");
+}

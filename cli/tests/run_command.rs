@@ -236,3 +236,29 @@ fn an_open_server_logs_a_warning() {
     let ended = serve(&home).signal("INT").finish().with(0);
     ended.complains("no role (roles.conf) that is about /host");
 }
+
+/// The reply is no bottle, and has no length.
+#[test]
+fn a_server_describes_its_machine() {
+    let home = Home::new();
+    let _name_server = home.serve();
+    let _server = serve(&home);
+    for _ in 0..2 {
+        let told = ask(&home, &["--sysinfo"]).with(0);
+        assert_eq!(told.out[..2], ["RESPONSE:", "========="], "{told:?}");
+        assert!(told.says("Platform name    : Linux"), "{told:?}");
+        let kernel = std::fs::read_to_string("/proc/sys/kernel/osrelease").unwrap();
+        assert!(told.says(kernel.trim()), "{told:?}");
+        // The environment of the server is nobody's business.
+        assert!(!told.says("PATH"), "{told:?}");
+    }
+    // Other requests still work.
+    ask(&home, &["--which", "sh"]).with(0).complains("/sh");
+    let missing = home.run("run --on /nobody --sysinfo");
+    missing
+        .with(255)
+        .complains("Cannot connect to remote server");
+    home.run("run --sysinfo")
+        .with(255)
+        .complains("missing remote server");
+}

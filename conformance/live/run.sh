@@ -208,6 +208,8 @@ try_servers() {
         suite "inertial sensors and torques of other programs, server: $server" \
             "$with_stock" "$python" conformance/live/inertial_and_torques.py "$ours" "$work/sensors_peer"
 
+        suite "what servers of commands tell about their machine, server: $server" \
+            "$with_stock" "$python" conformance/live/sysinfo.py "$ours"
         suite "port names of a robot with fakes, server: $server" \
             "$with_stock" "$python" conformance/live/robot_port_names.py "$ours"
 

@@ -124,6 +124,45 @@ impl AdminClient {
         })
     }
 
+    /// Sends a message and waits for a reply that need not be a bottle: `parse` returns what the bytes so far are, `None`
+    /// while some are missing, or the reason in words why they are nothing.
+    ///
+    /// The reply is limited to `limit` bytes. The connection ends.
+    ///
+    /// Errors: [`PortError::Lost`], also for a reply that cannot be parsed or is too long; [`PortError::Timeout`].
+    pub async fn call_parsed<T>(
+        mut self,
+        content: &(dyn WireObject + Sync),
+        limit: usize,
+        parse: impl Fn(&[u8]) -> Result<Option<T>, String>,
+    ) -> Result<T, PortError> {
+        let command = Command::Data {
+            reply: true,
+            envelope: None,
+        };
+        self.initiator
+            .send_object(&command, content, &mut self.output);
+        self.flush().await?;
+        let deadline = tokio::time::Instant::now() + self.deadline;
+        loop {
+            match parse(&self.input.bytes) {
+                Ok(Some(parsed)) => return Ok(parsed),
+                Ok(None) if self.input.bytes.len() > limit => {
+                    return Err(self.lost(format!("its reply exceeds {limit} bytes")));
+                }
+                Ok(None) => {}
+                Err(reason) => return Err(self.lost(reason)),
+            }
+            let reading = self.input.read(&self.stream, 0);
+            match tokio::time::timeout_at(deadline, reading).await {
+                Ok(Ok(0)) => return Err(self.lost("it closed".to_owned())),
+                Ok(Ok(_)) => {}
+                Ok(Err(error)) => return Err(self.lost(error.to_string())),
+                Err(_) => return Err(self.late("reply")),
+            }
+        }
+    }
+
     /// Sends an admin request and waits for its answer.
     pub async fn admin(&mut self, request: &Bottle) -> Result<Bottle, PortError> {
         self.call(&Command::Admin, request).await

@@ -25,6 +25,7 @@ mod log_in_modifier;
 mod mjpeg_carrier;
 mod modification;
 mod monitors_refused;
+mod parsed_replies;
 mod port_closing;
 mod port_counters;
 mod port_monitors;

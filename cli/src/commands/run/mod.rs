@@ -11,6 +11,7 @@
 //! | `(isrunning tag)` | `running` or `"not running"` |
 //! | `(ps)` | for each command `((pid 9) (tag t) (status running) (cmd ..) (env ..))` |
 //! | `(which ls)` | `/usr/bin/ls` |
+//! | `(sysinfo)` | no bottle; see `system_information` |
 //! | `(exit)` | `"exit OK"`, and the server ends |
 //!
 //! **Whoever may send to that port may run anything as the user of the server**, in stock and here. Therefore all of
@@ -30,6 +31,7 @@ mod output_log;
 mod process_table;
 mod run_client;
 mod run_server;
+mod system_information;
 
 use std::fmt::Display;
 use std::io::Write;
@@ -65,6 +67,9 @@ report commands running on SERVERPORT
 
 yarp run --on SERVERPORT --isrunning TAG
 TAG command is running?
+
+yarp run --on SERVERPORT --sysinfo
+report system information of SERVERPORT
 
 yarp run --on SERVERPORT --exit
 stop SERVERPORT server
@@ -107,6 +112,9 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     }
     if let Some(name) = options.text("server") {
         return run_server::serve(&name, &options, out).await;
+    }
+    if options.has("sysinfo") {
+        return run_client::ask_system_information(&options, out).await;
     }
     match run_client::RunRequest::of(&options) {
         Ok(Some(wish)) => run_client::ask(&wish, &options, out).await,

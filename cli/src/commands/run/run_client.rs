@@ -4,10 +4,12 @@ use std::io::Write;
 use std::process::ExitCode;
 use std::time::Duration;
 
-use yarp_ports::{Network, Port, PortError, PortOptions};
+use yarp_ports::{AdminClient, Network, Port, PortError, PortOptions};
+use yarp_wire::carrier::Carrier;
 use yarp_wire::{Bottle, Value};
 
-use super::{EXIT_FAILED, REPLY_ERROR, note};
+use super::system_information::SystemInformation;
+use super::{EXIT_FAILED, REPLY_ERROR, USAGE, note};
 use crate::commands::argument_words::Options;
 use crate::error::Result;
 use crate::network_access;
@@ -18,6 +20,10 @@ const MAX_ATTEMPTS: u32 = 20;
 const RETRY_DELAY: Duration = Duration::from_millis(500);
 /// Timeout for the reply. The server may have to open terminals.
 const REPLY_TIMEOUT: Duration = Duration::from_secs(60);
+/// Maximum length of the description of a machine, in bytes.
+const MAX_DESCRIPTION: usize = 4 << 20;
+/// Name of the client in a connection that belongs to no port.
+const SENDER: &str = "/yarprun/client";
 /// Exit code of stock if the server did not execute the request.
 const EXIT_NOT_DONE: u8 = 2;
 
@@ -35,10 +41,8 @@ pub(super) struct RunRequest {
 impl RunRequest {
     /// Parses the options; returns `None` without a request, or an error message.
     pub(super) fn of(options: &Options) -> std::result::Result<Option<Self>, String> {
-        for name in ["sysinfo", "stresstest"] {
-            if options.has(name) {
-                return Err(format!("--{name} is not supported"));
-            }
+        if options.has("stresstest") {
+            return Err("--stresstest is not supported".to_owned());
         }
         if options.has("cmd") {
             return Self::start(options).map(Some);
@@ -153,6 +157,56 @@ pub(super) async fn ask(
     })
 }
 
+/// Asks for the description of a server's machine and prints it as stock does.
+pub(super) async fn ask_system_information(
+    options: &Options,
+    out: &mut dyn Write,
+) -> Result<ExitCode> {
+    let server = match text(options, "on", "missing remote server") {
+        Ok(server) => server,
+        Err(complaint) => {
+            note(format_args!("SYNTAX ERROR: {complaint}\n{USAGE}"));
+            return Ok(ExitCode::from(EXIT_FAILED));
+        }
+    };
+    let network = network_access::network()?;
+    if network.server().is_none() || !network_access::serves(&network, network.namespace()).await {
+        note("ERROR: no yarp network found.");
+        return Ok(ExitCode::from(EXIT_FAILED));
+    }
+    let asking = async {
+        let endpoint = network.query(&server).await?;
+        // Stock's client uses it, too.
+        let carrier = Carrier::by_name("tcp").expect("tcp is in the table");
+        let address = (endpoint.host.as_str(), endpoint.port);
+        let client = AdminClient::open(&server, address, carrier, SENDER, &network).await?;
+        let request = Bottle::from_iter([Value::List(["sysinfo".into()].into_iter().collect())]);
+        let parse = |bytes: &[u8]| {
+            SystemInformation::parse(bytes).map(|parsed| parsed.map(|(information, _)| information))
+        };
+        client.call_parsed(&request, MAX_DESCRIPTION, parse).await
+    };
+    let mut interrupt = Interrupt::listen();
+    let described = tokio::select! {
+        biased;
+        () = interrupt.interrupted() => return Ok(ExitCode::from(EXIT_FAILED)),
+        described = asking => described,
+    };
+    match described {
+        Ok(information) => {
+            write!(out, "RESPONSE:\n=========\n\n{information}")?;
+            Ok(ExitCode::SUCCESS)
+        }
+        Err(error) => {
+            note(format_args!(
+                "RESPONSE:\n=========\nCannot connect to remote server, aborting...\n{}",
+                error.error_chain()
+            ));
+            Ok(ExitCode::from(EXIT_FAILED))
+        }
+    }
+}
+
 /// Returns the reply of the server; `None` if a signal came first.
 async fn reply(
     network: &Network,
@@ -246,7 +300,7 @@ mod tests {
         check(&["--sigterm", "--on", "/h"], "missing tag");
         check(&["--sigterm", "t"], "missing remote server");
         check(&["--kill", "t", "--on", "/h"], "missing signum");
-        check(&["--on", "/h", "--sysinfo"], "--sysinfo is not supported");
+        check(&["--stresstest"], "--stresstest is not supported");
         assert_eq!(run_request(&["--on", "/h"]), Ok(None));
     }
 

@@ -17,6 +17,7 @@ use super::launch::Launch;
 use super::orphan_guard::OrphanGuard;
 use super::output_log::{LOGGER, OutputLog};
 use super::process_table::Processes;
+use super::system_information::SystemInformation;
 use super::{EXIT_FAILED, REPLY_ERROR, note};
 use crate::commands::argument_words::Options;
 use crate::error::Result;
@@ -127,6 +128,9 @@ impl CommandHandler {
             return Answer::reply(Bottle::from_iter([Value::Int32(REPLY_ERROR), text.into()]));
         }
         match received.bottle() {
+            Ok(request) if contains_word(&request, "sysinfo") => {
+                Answer::reply(SystemInformation::of_this_machine())
+            }
             Ok(request) => Answer::reply(self.reply(&request)),
             Err(error) => Answer::reply(not_done(&format!("cannot read the request: {error}"))),
         }
