@@ -34,9 +34,13 @@ mod systemd_notify;
 use std::io::Write;
 use std::path::Path;
 use std::process::ExitCode;
+use std::time::Duration;
 
 use error::Failure;
 use tokio::runtime::Builder;
+
+/// The longest wait for ports that close in the background, after the command has ended.
+const PORT_CLOSE_TIMEOUT: Duration = Duration::from_secs(3);
 
 /// The name of stock's program for what is `yarp run` here.
 const RUN_PROGRAM: &str = "yarprun";
@@ -90,6 +94,10 @@ fn main() -> ExitCode {
             ExitCode::FAILURE
         }
     };
+    // An error or a signal may have dropped them: their names would be left in the name server.
+    let _ = runtime.block_on(async {
+        tokio::time::timeout(PORT_CLOSE_TIMEOUT, yarp_ports::wait_for_dropped_ports()).await
+    });
     // Signals are still heard meanwhile: a second one ends a command whose output nobody reads.
     output::finish();
     // A thread may still wait for a line of standard input; it ends with the process.

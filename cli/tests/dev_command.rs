@@ -4,7 +4,14 @@
 
 use crate::common;
 
+use std::io::{BufRead, BufReader, Write};
+use std::net::TcpStream;
+use std::time::{Duration, Instant};
+
 use common::Home;
+
+/// Longer than any step takes on a busy machine.
+const TIMEOUT: Duration = Duration::from_secs(60);
 
 const ACTIVE: &str = "device active in background...";
 
@@ -26,6 +33,44 @@ fn a_device_is_served_until_a_signal() {
     assert!(home.names().contains(&"/arm/quit".to_owned()));
     dev.signal("TERM").finish().with(0);
     assert_eq!(home.names(), Vec::<String>::new());
+}
+
+/// Waits until the name server knows the name, and returns at once then.
+fn wait_for_name(server: u16, name: &str) {
+    let mut stream = TcpStream::connect(("127.0.0.1", server)).unwrap();
+    stream.write_all(b"CONNECT /watcher\n").unwrap();
+    let mut lines = BufReader::new(stream.try_clone().unwrap()).lines();
+    lines.find(|line| line.as_ref().unwrap().starts_with("Welcome"));
+    let begin = Instant::now();
+    while begin.elapsed() < TIMEOUT {
+        let request = format!("d\nNAME_SERVER query {name}\n");
+        stream.write_all(request.as_bytes()).unwrap();
+        let mut found = false;
+        for line in &mut lines {
+            let line = line.unwrap();
+            found |= line.starts_with("registration name");
+            if line.starts_with("*** end of message") {
+                break;
+            }
+        }
+        if found {
+            return;
+        }
+    }
+    panic!("{name} is not registered");
+}
+
+/// Some ports are open and others are not when the signal arrives.
+#[test]
+fn a_signal_while_it_starts_leaves_no_names() {
+    let home = Home::new();
+    let _server = home.serve();
+    for _ in 0..5 {
+        let dev = home.start("dev --device simulatedWam --name /wam");
+        wait_for_name(home.server_port(), "/wam/rpc:i");
+        dev.signal("TERM").finish().with(0);
+        assert_eq!(home.names(), Vec::<String>::new());
+    }
 }
 
 #[test]

@@ -5,6 +5,7 @@
 #[path = "../fuzz/src/lib.rs"]
 mod fuzz;
 
+mod cancelled_openings;
 mod contested_names;
 mod handed_out_port_range;
 mod liveness_states;

@@ -20,6 +20,7 @@
 //! | `output`, `send_queue`, `multicast_group` | outgoing connections, messages to be sent, multicast |
 //! | `encode_once`, `reply_channel` | a message in the forms that readers want, pending replies |
 //! | `in_process` | connections within the process |
+//! | `background_closing` | ports that were dropped, until they are closed |
 //! | `mjpeg_client`, `jpeg` | connections made to read from, images as browsers see them |
 //! | `admin_commands`, `text_commands`, `http_server` | requests of programs and people to the port itself |
 //! | `socket_qos`, `dedicated_thread` | priority of the packets and the thread of a connection |
@@ -33,6 +34,7 @@ mod accept_throttle;
 mod admin_commands;
 mod admin_reply;
 mod administration;
+mod background_closing;
 mod connection_slots;
 mod connections;
 mod counter_snapshot;
@@ -80,6 +82,7 @@ use yarp_wire::message::{Command, Payload, ReadObject, WireObject};
 use yarp_wire::name_service::RegisterRequest;
 use yarp_wire::{Contact, PortName, Stamp, WireVersion};
 
+use self::background_closing::Unfinished;
 use self::encode_once::Encoded;
 use self::monitor::Outgoing;
 use self::output::Output;
@@ -92,6 +95,7 @@ use crate::latency::Form;
 use crate::lease_renewal::LeasedNames;
 use crate::network::Network;
 
+pub use background_closing::wait_for_dropped_ports;
 pub use counters::{ConnectionCounters, PortCounters, Traffic};
 pub use idle_connections::ConnectionLimits;
 pub use large_messages::run_large;
@@ -152,13 +156,36 @@ impl std::fmt::Debug for Port {
 impl Port {
     /// Opens a port: listens, registers with the name server, serves connections.
     ///
-    /// The name may be `...` for one that the name server chooses.
+    /// The name may be `...` for one that the name server chooses. If the caller is cancelled
+    /// meanwhile, the port is closed in the background.
     pub async fn open(
         network: &Network,
         name: &str,
+        options: PortOptions,
+    ) -> Result<Self, PortError> {
+        let (network, name) = (network.clone(), network.full_name(name));
+        let (asked, unfinished) = (name.clone(), Unfinished::new());
+        // In a task of its own: the name may be registered before the caller is cancelled.
+        let opening = tokio::spawn(async move {
+            let opened = Self::open_uncancelled(&network, name, options).await;
+            // A port that nobody receives is dropped with the task, and counts from then on.
+            (opened, unfinished)
+        });
+        match opening.await {
+            Ok((opened, _)) => opened,
+            Err(error) => match error.try_into_panic() {
+                Ok(panic) => std::panic::resume_unwind(panic),
+                // The runtime ends.
+                Err(_) => Err(PortError::Closed { name: asked }),
+            },
+        }
+    }
+
+    async fn open_uncancelled(
+        network: &Network,
+        name: String,
         mut options: PortOptions,
     ) -> Result<Self, PortError> {
-        let name = network.full_name(name);
         if options.tcp_port.is_none() {
             options.tcp_port = network.fixed_number(&name)?;
         }
@@ -642,7 +669,11 @@ impl Drop for Port {
         };
         // Outside a runtime the tasks are gone already; only the name is left behind.
         if let Ok(runtime) = tokio::runtime::Handle::try_current() {
-            runtime.spawn(closing);
+            let unfinished = Unfinished::new();
+            runtime.spawn(async move {
+                closing.await;
+                drop(unfinished);
+            });
         }
     }
 }
