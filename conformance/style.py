@@ -12,6 +12,8 @@ from collections import defaultdict
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
+# File names in documents that stand for one to be chosen.
+NAMES_TO_BE_CHOSEN = {"NAME.rs"}
 OPENERS = re.compile(r"(What|Whether|How|Who|Where|As)\b")
 CONSTANT = re.compile(r"\b(?:const|static) (PATIENCE|LOOK|LOOKS|PAUSE|SILENCE|SOON|LONG|FEW|MUCH|ROOM|AWAKE)\b")
 MAX_FUNCTION_LINES = 100
@@ -21,6 +23,9 @@ MAX_OPENER_SHARE = 0.02
 LIMITED_SOURCES = ("nameserver/src/", "ports/src/", "yarp-wire/src/")
 # Names that have the same role wherever they stand.
 SHARED_NAMES = {"mod.rs", "lib.rs", "main.rs"}
+# Names of several files below `src/` that are about the same: an error per crate, a command and what it is for, the rows
+# of a carrier and its messages.
+RELATED_NAMES = SHARED_NAMES | {"error.rs", "camera.rs", "connect.rs", "rpc.rs", "shmem.rs", "time.rs"}
 
 
 def sources():
@@ -78,6 +83,7 @@ def dead_paths():
     folders = [path for path in ROOT.iterdir() if path.is_dir() and not path.name.startswith(".") and path.name != "target"]
     places = [ROOT, *folders, *(path / "src" for path in folders)]
     listed = subprocess.run(["git", "ls-files", "*.md"], cwd=ROOT, capture_output=True, text=True, check=True).stdout.split()
+    every_file = {Path(name).name for name in subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout.splitlines()}
     for document in (ROOT / name for name in listed if not name.endswith("CHANGELOG.md")):
         for number, line in enumerate(document.read_text(encoding="utf8").splitlines(), 1):
             for text in re.findall(r"`([^`\s]+/[^`\s]*)`", line):
@@ -87,6 +93,9 @@ def dead_paths():
                 for path in alternatives(text.rstrip(".,;")):
                     if not any(list(place.glob(path)) for place in (*places, document.parent, document.parent / "src") if place.is_dir()):
                         yield f"{document.relative_to(ROOT)}:{number}: {path}"
+            for name in re.findall(r"`(\w+\.(?:rs|py|sh))`", line):
+                if name not in every_file and name not in NAMES_TO_BE_CHOSEN:
+                    yield f"{document.relative_to(ROOT)}:{number}: {name}"
 
 
 def undocumented_limits():
@@ -117,6 +126,18 @@ def forgotten_tests():
         for path in sorted((manifest.parent / "tests").glob("*.rs")):
             if path.stem not in listed | {"main"}:
                 yield f"{path.relative_to(ROOT)}: add `mod {path.stem};` to tests/main.rs: the test is not compiled"
+
+
+def unrelated_names(paths):
+    """Yields each name of several files below the `src/` of crates that `RELATED_NAMES` lacks, with the files."""
+    names = defaultdict(list)
+    for path in paths:
+        parts = path.parts
+        if "src" in parts and not {"fuzz", "tests", "examples", "bin"} & set(parts):
+            names[path.name].append(str(path))
+    for name, places in sorted(names.items()):
+        if len(places) > 1 and name not in RELATED_NAMES:
+            yield name, places
 
 
 def measure():
@@ -170,6 +191,7 @@ def check(found, counts):
     wrong += [f"{place} is not there" for place in dead_paths()]
     wrong += forgotten_tests()
     wrong += undocumented_limits()
+    wrong += [f"{', '.join(places)}: two files are called {name}; rename one" for name, places in unrelated_names(sources())]
     for line in wrong:
         print(line, file=sys.stderr)
     return 1 if wrong else 0

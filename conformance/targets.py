@@ -125,6 +125,7 @@ def measure(root):
         "constants that do not say what they bound": len(found["constant"]),
         "functions over 100 lines": len(found["length"]),
         "file names of more than one source file": counts["shared names"],
+        "... of files below `src/` that are about something else": len(list(style.unrelated_names(style.sources()))),
         "pairs of files that import each other": cycles(root),
         "dependencies of crates against the order": upward_dependencies(root),
         "files that name one interface": interface_files(root),

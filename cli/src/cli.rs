@@ -11,7 +11,7 @@ use yarp_wrappers::network_time;
 use crate::commands::Command;
 use crate::error::Result;
 use crate::stock_format::complain;
-use crate::{allocator, open_file_limit, output};
+use crate::{allocator_settings, open_file_limit, output};
 
 /// Exit code for an unknown command, as in stock.
 const NO_SUCH_COMMAND: u8 = 255;
@@ -79,7 +79,7 @@ pub(crate) async fn run(
             if cli.command.serves() {
                 output::serve();
                 open_file_limit::raise_limit();
-                allocator::bound_arenas();
+                allocator_settings::bound_arenas();
                 ProcessLimits::current()
                     .with_parsed_bytes(PARSED_BYTES_OF_SERVERS)
                     .with_unsent_bytes(UNSENT_BYTES_OF_SERVERS)

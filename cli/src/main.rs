@@ -14,7 +14,7 @@
 //! | `output` | standard output and standard error behind writer threads, so that nobody waits for a reader |
 //! | `stock_log`, `stock_format` | log lines and numbers in stock's form; the log sent to `yarplogger` |
 
-mod allocator;
+mod allocator_settings;
 mod arm_selection;
 mod cli;
 mod commands;

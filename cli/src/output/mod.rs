@@ -10,7 +10,7 @@
 //!
 //! Streams that lead to the same file or terminal share one queue, which keeps their order.
 
-mod queue;
+mod output_queue;
 
 use std::fs::File;
 use std::io::{self, Write};
@@ -20,7 +20,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 
-use queue::LineQueue;
+use output_queue::LineQueue;
 
 /// Time that the end of a serving command waits for what is still queued.
 const FLUSH_TIMEOUT: Duration = Duration::from_millis(500);

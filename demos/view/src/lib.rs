@@ -10,7 +10,7 @@
 //! | `view_model`, `view_message` | the latest data, and the messages that bring it |
 //! | `viewer_stream` | the messages to browsers |
 //! | `control`, `guiding`, `board_client` | commands of the page, with `--control` |
-//! | `robot_description`, `mesh` | URDF and meshes, generated from the kinematic models |
+//! | `robot_urdf`, `mesh` | URDF and meshes, generated from the kinematic models |
 //! | `page_files` | the page itself |
 //! | `mcap`, `recorder`, `recording_replay` | recordings in files, and back into the network |
 
@@ -27,7 +27,7 @@ mod page_files;
 mod port_sources;
 mod recorder;
 mod recording_replay;
-mod robot_description;
+mod robot_urdf;
 mod view_message;
 mod view_model;
 mod viewer_stream;

@@ -7,7 +7,7 @@ use yarp_devices::wam::WamModel;
 use yarp_ports::{Network, Page};
 use yarp_wire::http::{Request, Response};
 
-use crate::robot_description::RobotDescription;
+use crate::robot_urdf::RobotDescription;
 
 const SCRIPT: &str = "text/javascript";
 

@@ -7,7 +7,7 @@ use tokio::task::JoinSet;
 use yarp_devices::{Device, DeviceError};
 use yarp_ports::{Network, Port, error_chain};
 
-use super::targets::{AttachTargets, STORAGE, need};
+use super::action_targets::{AttachTargets, STORAGE, need};
 use super::{
     Action, ActionKind, DeviceDescription, DeviceEntry, Param, Phase, Robot, SharedDescriptions,
     open_description_port,

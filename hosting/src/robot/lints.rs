@@ -6,8 +6,8 @@ use std::sync::Arc;
 
 use yarp_wire::settings::Origin;
 
+use super::action_targets::AttachTargets;
 use super::device_parameters::is_balanced;
-use super::targets::AttachTargets;
 use super::tolerant_xml::{XmlDocument, XmlElement};
 use super::xml_description::Element;
 use super::{Action, ActionKind, DeviceEntry, Param, ParamValue, Phase, Problem, Robot};

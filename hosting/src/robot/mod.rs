@@ -8,15 +8,16 @@
 //! | `device_parameters` | parameters of devices as settings |
 //! | `description_server` | a port that tells which devices a robot has |
 //! | `substitutions` | other devices in the place of those of a description |
-//! | `checks` | what would fail later, for dry runs |
+//! | `description_checks` | what would fail later, for dry runs |
 //! | `lints` | what stock reads without a word and is most likely a mistake |
-//! | `targets` | the devices that an action names |
+//! | `action_targets` | the devices that an action names |
 //! | `lifecycle` | the phases of a robot's life |
 //!
 //! Source: `XMLReaderFileV3.cpp`, `XMLReaderFileV1.cpp`, `Robot.cpp`, `Device.cpp` of YARP 3.5, tags, `${portprefix}`
 //! and the order of actions as in 4.0.
 
-mod checks;
+mod action_targets;
+mod description_checks;
 mod description_files;
 mod description_server;
 mod device_parameters;
@@ -25,7 +26,6 @@ mod lifecycle;
 mod lints;
 mod robot_error;
 mod substitutions;
-mod targets;
 mod tolerant_xml;
 mod toml_description;
 mod xml_description;
@@ -38,7 +38,7 @@ use std::path::Path;
 use yarp_wire::Value;
 use yarp_wire::settings::{Origin, Settings};
 
-pub use checks::Problem;
+pub use description_checks::Problem;
 pub use description_server::DeviceDescription;
 pub(crate) use description_server::{SharedDescriptions, open_port as open_description_port};
 pub use lifecycle::{Progress, RunningRobot};

@@ -20,9 +20,9 @@ use toml::de::{DeTable, DeValue};
 use yarp_wire::Value;
 use yarp_wire::settings::Origin;
 
+use super::action_targets::{AttachTargets, STORAGE, need};
 use super::description_files::Files;
 use super::device_parameters::find;
-use super::targets::{AttachTargets, STORAGE, need};
 use super::toml_description::{SourceFile, SpannedValue, plain};
 use super::{Action, ActionKind, DeviceEntry, Param, ParamValue, Problem, Robot, RobotError};
 use crate::device_types;

@@ -15,7 +15,7 @@ use std::time::Instant;
 use serde::{Deserialize, Serialize};
 use yarp_wire::name_service::Registration;
 
-use super::budget::Enforce;
+use super::memory_budget::Enforce;
 use super::persistent_connections::ConnectionEnd;
 use super::registry_limits::Refusal;
 use super::{Effect, Registry};

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 use yarp_wire::name_service::{LeaseHolder, RegisterRequest, Registration, plain_text};
 
-use super::lookup::is_below;
+use super::name_queries::is_below;
 use super::ownership::{has_owner, keeps_ownership};
 use super::registry_limits::Refusal;
 use super::{Body, Entry, FALLBACK, Registry};

@@ -15,18 +15,18 @@
 //! * of several addresses of a port each client is told one that it can reach (`subnets.rs`);
 //! * `(format json)` is not taken for an argument (stock stores it as a value with `set`).
 
-mod allocator;
-mod budget;
-mod change;
 mod durable_state;
 mod fixed_replies;
 mod liveness;
-mod lookup;
+mod memory_budget;
+mod name_queries;
 mod ownership;
 mod persistent_connection_commands;
 mod persistent_connections;
+mod port_allocator;
 mod properties;
-mod register;
+mod register_command;
+mod registry_change;
 mod registry_limits;
 #[cfg(test)]
 mod registry_tests;
@@ -42,11 +42,11 @@ use yarp_wire::name_service::{
     Command, DEFAULT_NAMESPACE, DEFAULT_PORT, Form, RegisterRequest, Registration, Request,
 };
 
-use allocator::{AnonymousNames, MulticastGroups, PortNumbers};
-use budget::{Account, Charge, Enforce};
 use liveness::LivenessRecord;
+use memory_budget::{Account, Charge, Enforce};
 use persistent_connection_commands::Definition;
 use persistent_connections::PersistentConnections;
+use port_allocator::{AnonymousNames, MulticastGroups, PortNumbers};
 use properties::{Pool, Properties};
 
 pub use durable_state::Change;

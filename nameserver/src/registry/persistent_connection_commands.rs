@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use super::budget::{Charge, text_cost};
+use super::memory_budget::{Charge, text_cost};
 use super::persistent_connections::{ConnectionEnd, ok_or_fail};
 use super::registry_limits::{self, Refusal};
 use super::{Body, Change, Effect, Entry, Link, Registry, Reply};

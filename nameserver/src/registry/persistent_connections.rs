@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use yarp_wire::vocab::Vocab32;
 use yarp_wire::{Bottle, Value};
 
-use super::budget::{Account, Charge, text_cost};
+use super::memory_budget::{Account, Charge, text_cost};
 use super::registry_limits::{self, Refusal};
 
 /// All persistent connections and topics.

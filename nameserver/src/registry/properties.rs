@@ -6,7 +6,7 @@ use std::sync::Arc;
 use yarp_wire::name_service::plain_text;
 use yarp_wire::{Bottle, Value};
 
-use super::budget::{Account, Charge, SLOT_COST, text_cost, values_cost};
+use super::memory_budget::{Account, Charge, SLOT_COST, text_cost, values_cost};
 use super::registry_limits::{self, Refusal};
 
 /// List of texts that many ports may share.

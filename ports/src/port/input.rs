@@ -26,8 +26,8 @@ use super::dedicated_thread::{ConnectionControl, ControlReceiver, DedicatedThrea
 use super::idle_connections::{CloseSignal, ConnectionGuard};
 use super::monitor::{Chain, MonitorError};
 use super::output::{Output, OutputTransport};
-use super::parts::Parts;
 use super::port_context::CLOSE_TIMEOUT;
+use super::port_parts::Parts;
 use super::socket_handle::SocketHandle;
 use crate::addresses;
 use crate::auth_step;

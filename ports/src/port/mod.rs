@@ -14,7 +14,7 @@
 //! | file | content |
 //! | --- | --- |
 //! | `port_options` | options of a port |
-//! | `listener`, `accept_throttle`, `idle_connections` | accepted connections, and those that send nothing |
+//! | `tcp_listener`, `accept_throttle`, `idle_connections` | accepted connections, and those that send nothing |
 //! | `connection_slots` | the number of connections of the process, and which one makes room |
 //! | `input`, `receive_queue`, `received_message` | incoming connections and their messages |
 //! | `output`, `send_queue`, `multicast_group` | outgoing connections, messages to be sent, multicast |
@@ -51,16 +51,15 @@ mod input;
 mod jpeg;
 mod jpeg_decoder;
 mod large_messages;
-mod listener;
 mod log_modifier;
 mod mjpeg_client;
 mod monitor;
 mod multicast_group;
 mod output;
 mod output_connector;
-mod parts;
 mod port_context;
 mod port_options;
+mod port_parts;
 mod pray_command;
 mod receive_queue;
 mod received_message;
@@ -69,6 +68,7 @@ mod reply_channel;
 mod send_queue;
 mod socket_handle;
 mod socket_qos;
+mod tcp_listener;
 mod text_commands;
 
 use std::sync::Arc;
@@ -86,8 +86,8 @@ use self::background_closing::Unfinished;
 use self::encode_once::Encoded;
 use self::monitor::Outgoing;
 use self::output::Output;
-use self::parts::Parts;
 use self::port_context::PortContext;
+use self::port_parts::Parts;
 use crate::addresses;
 use crate::cancel::Cancel;
 use crate::error::PortError;
@@ -211,9 +211,9 @@ impl Port {
             let host = host.unwrap_or_else(addresses::best);
             (name, host, options.tcp_port.unwrap_or(0))
         };
-        let listener = match listener::bind(&name, number, &options) {
+        let listener = match tcp_listener::bind(&name, number, &options) {
             Err(taken) if taken.is_taken() && options.tcp_port.is_none() => {
-                let moved = listener::bind_other_port(network, &name, &options, taken).await;
+                let moved = tcp_listener::bind_other_port(network, &name, &options, taken).await;
                 moved.map(|(endpoint, listener)| {
                     registered = Some(endpoint);
                     listener
@@ -244,7 +244,7 @@ impl Port {
             cancelled,
         )));
         in_process::announce(&parts.dispatcher);
-        let listener = tokio::spawn(listener::listen(parts.clone(), listener));
+        let listener = tokio::spawn(tcp_listener::listen(parts.clone(), listener));
         let port = Self {
             parts,
             cancel,
@@ -259,7 +259,7 @@ impl Port {
         }
         tracing::info!(port = %port.parts.context.name, "Port {} active at {}", port.name(), port.address());
         if network.key().is_none() {
-            listener::log_missing_key();
+            tcp_listener::log_missing_key();
         }
         Ok(port)
     }

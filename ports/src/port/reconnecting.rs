@@ -11,7 +11,7 @@ use tokio::time::Instant;
 use yarp_wire::Contact;
 
 use super::log_modifier;
-use super::parts::Parts;
+use super::port_parts::Parts;
 use super::send_queue::SendQueue;
 use crate::cancel::{Cancel, Cancelled};
 use crate::log_text::printable;

@@ -12,7 +12,7 @@ use std::sync::atomic::fence;
 
 use bytes::BufMut;
 
-use super::channel::Segment;
+use super::shmem_segment::Segment;
 
 /// Bytes of the ring: small enough to stay in the processor's cache.
 const SIZE: usize = 256 * 1024;

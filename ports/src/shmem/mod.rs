@@ -13,14 +13,14 @@
 //! Names of segments and locks are removed as soon as both ends have opened them, so that a killed
 //! process leaves nothing behind.
 
-mod channel;
-#[cfg(test)]
-mod layout_tests;
 mod lock_free_ring;
 mod lock_waiter;
 mod process_lock;
 mod shared_memory;
 mod shmem_handshake;
+mod shmem_segment;
+#[cfg(test)]
+mod shmem_tests;
 mod stock_ring;
 
 use std::io::{self, IoSlice};

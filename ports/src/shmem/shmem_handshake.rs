@@ -10,8 +10,8 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpSocket, TcpStream};
 use yarp_wire::shmem::{PACKET, accept_packet, answers_mark, connect_packet, initiator_mark};
 
-use super::channel::Channel;
 use super::lock_waiter::LockWaiter;
+use super::shmem_segment::Channel;
 use super::{Layout, ShmemStream, lock_free_ring, stock_ring};
 
 /// Timeout of the initiator's connection, and then of each byte of its packet.

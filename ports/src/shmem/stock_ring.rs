@@ -9,9 +9,9 @@ use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 use bytes::{BufMut, BytesMut};
 use yarp_wire::shmem::{HEAD, Ring, at, key};
 
-use super::channel::{Channel, create_segment};
 use super::process_lock::ProcessLock;
 use super::shared_memory::Memory;
+use super::shmem_segment::{Channel, create_segment};
 
 /// Maximum number of attempts to take a lock: the other end holds it for one copy at most.
 const MAX_LOCK_ATTEMPTS: usize = 100;

@@ -6,8 +6,8 @@ use std::time::Duration;
 
 use rustls::{ClientConnection, Connection, ServerConnection};
 
-use super::settings::Tls;
 use super::stream::TlsStream;
+use super::tls_conf::Tls;
 use crate::latency::Tcp;
 
 /// Time for the whole handshake, however slowly a peer sends.

@@ -2,7 +2,7 @@
 //!
 //! | file | what it does |
 //! | --- | --- |
-//! | `settings` | `tls.conf`: the lab's authority, the certificate and key of this host, whether encryption is required |
+//! | `tls_conf` | `tls.conf`: the lab's authority, the certificate and key of this host, whether encryption is required |
 //! | `handshake` | the handshake of either end, in bounded time |
 //! | `stream` | reads and writes on an encrypted TCP stream, without waiting |
 //!
@@ -11,16 +11,16 @@
 //! the lab's authority. `docs/tls.md` has the design.
 
 mod handshake;
-mod settings;
 mod stream;
+mod tls_conf;
 
 use std::io;
 
 pub use handshake::TlsError;
 pub(crate) use handshake::{accept, initiate, is_hello};
-pub(crate) use settings::{FILE, load};
-pub use settings::{Required, Tls};
 pub(crate) use stream::TlsStream;
+pub(crate) use tls_conf::{FILE, load};
+pub use tls_conf::{Required, Tls};
 
 /// Returns an error of TLS as one of the stream.
 fn invalid(error: rustls::Error) -> io::Error {

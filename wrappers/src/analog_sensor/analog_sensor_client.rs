@@ -12,7 +12,7 @@ use yarp_devices::clock;
 use yarp_devices::{AnalogSensor, Device, DeviceError, SensorReading, SensorStatus};
 use yarp_ports::{Network, PortOptions, Received, blocking};
 
-use super::requests;
+use super::calibration_requests;
 use crate::OpenError;
 use crate::device_ports::{
     LatestValue, Link, RemoteOptions, RemotePorts, RpcPort, SharedLink, common_setters, stream_port,
@@ -138,10 +138,10 @@ impl AnalogSensor for RemoteAnalogSensor {
     }
 
     fn calibrate(&self, channel: Option<usize>) -> Result<(), DeviceError> {
-        let request = requests::calibration(channel);
+        let request = calibration_requests::calibration(channel);
         self.ports.run(|ports| async move {
             let answer = ports.call(&request).await?;
-            match requests::is_done(&answer) {
+            match calibration_requests::is_done(&answer) {
                 true => Ok(()),
                 false => Err(ports.refused(request, "the log of the server")),
             }

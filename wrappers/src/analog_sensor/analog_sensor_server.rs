@@ -10,7 +10,7 @@ use yarp_ports::{Answer, Network, Port, PortOptions, Received};
 use yarp_wire::Stamp;
 use yarp_wire::float_vector::Vector;
 
-use super::requests;
+use super::calibration_requests;
 use crate::OpenError;
 use crate::device_ports::{ServedPort, ServedPorts};
 use crate::open_ports::{port_name, request_port};
@@ -137,7 +137,7 @@ fn answering(device: Arc<dyn Device>, name: &str) -> PortOptions {
                 return Answer::Nothing;
             };
             let request = request_of(received);
-            let (answer, refusal) = requests::answer(sensor, &request);
+            let (answer, refusal) = calibration_requests::answer(sensor, &request);
             if let Some(error) = refusal {
                 tracing::warn!("{name}: {request} from {} refused: {error}", received.from);
             }

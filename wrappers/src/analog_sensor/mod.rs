@@ -12,7 +12,7 @@
 
 mod analog_sensor_client;
 mod analog_sensor_server;
-mod requests;
+mod calibration_requests;
 
 pub use analog_sensor_client::{RemoteAnalogSensor, RemoteAnalogSensorOptions};
 pub use analog_sensor_server::{AnalogSensorOptions, AnalogSensorServer};

@@ -11,7 +11,7 @@
 //!
 //! | file | content |
 //! | --- | --- |
-//! | `layout` | the numbers of a reading in a message |
+//! | `battery_message` | the numbers of a reading in a message |
 //! | `battery_server` | [`BatteryServer`]: a battery on two ports |
 //! | `battery_client` | [`RemoteBattery`]: the battery at the other end |
 //!
@@ -19,14 +19,14 @@
 //! `BatteryData.thrift` of 3.12.3 and 4.0.0.
 
 mod battery_client;
+mod battery_message;
 mod battery_server;
-mod layout;
 
 use yarp_wire::Vocab32;
 
 pub use battery_client::RemoteBattery;
+pub use battery_message::BatteryLayout;
 pub use battery_server::{BatteryServer, BatteryServerOptions};
-pub use layout::BatteryLayout;
 
 const BATTERY: Vocab32 = Vocab32::new("ibat");
 const INFO: Vocab32 = Vocab32::new("btnf");

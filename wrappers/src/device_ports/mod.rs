@@ -2,21 +2,21 @@
 //!
 //! | file | content |
 //! | --- | --- |
-//! | `served_ports` | a server: its ports, its work on them, closing |
-//! | `remote_ports` | a client: its ports, their connections, calls, closing |
+//! | `server_ports` | a server: its ports, its work on them, closing |
+//! | `client_ports` | a client: its ports, their connections, calls, closing |
 //! | `shared_link` | the ports of a client, shared by blocking calls |
 //! | `latest_value` | the newest message of a stream |
 //! | `remote_options` | names, carrier and timeouts of a client |
 
+mod client_ports;
 mod latest_value;
 mod remote_options;
-mod remote_ports;
-mod served_ports;
+mod server_ports;
 mod shared_link;
 
+pub(crate) use client_ports::{RemotePorts, RpcPort, stream_port};
 pub(crate) use latest_value::LatestValue;
 pub use remote_options::RemoteOptions;
 pub(crate) use remote_options::common_setters;
-pub(crate) use remote_ports::{RemotePorts, RpcPort, stream_port};
-pub(crate) use served_ports::{PUBLISHER_END_TIMEOUT, PortWork, ServedPort, ServedPorts};
+pub(crate) use server_ports::{PUBLISHER_END_TIMEOUT, PortWork, ServedPort, ServedPorts};
 pub(crate) use shared_link::{Link, SharedLink};

@@ -1,6 +1,6 @@
 //! `yarp vision`: object recognition in image files, and its evaluation on simulated tables.
 
-mod detect;
+mod detect_objects;
 #[cfg(feature = "table")]
 mod servo_evaluation;
 #[cfg(feature = "table")]
@@ -23,7 +23,7 @@ pub(crate) struct Args {
 #[derive(Debug, clap::Subcommand)]
 enum Action {
     /// Find printed objects, circles and polygons in an image; exits with 1 if there are none
-    Detect(detect::Args),
+    Detect(detect_objects::Args),
     /// Compare detections on random simulated tables with the truth; exits with 1 below the targets
     #[cfg(feature = "table")]
     Evaluate(vision_evaluation::Args),
@@ -41,7 +41,7 @@ fn failed(error: impl std::error::Error + Send + Sync + 'static) -> Failure {
 
 pub(super) fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     match args.action {
-        Action::Detect(args) => detect::run(args, out),
+        Action::Detect(args) => detect_objects::run(args, out),
         #[cfg(feature = "table")]
         Action::Evaluate(args) => vision_evaluation::run(args, out),
         #[cfg(feature = "table")]

@@ -4,14 +4,14 @@
 //! | --- | --- |
 //! | `mod` | [`Physics`]: the world and one step of it |
 //! | `bodies` | shapes, masses and friction |
-//! | `contact` | forces between robot and world, joint torques and finger loads |
+//! | `contact_forces` | forces between robot and world, joint torques and finger loads |
 //! | `path_check` | [`PathCheck`]: collisions of an arm along a path, for judging planners |
 //!
 //! The robot's parts move as their devices tell (kinematic bodies), so objects feel them as they are; what objects, table
 //! and baskets do to them comes back as torques and loads one step later. Contact and friction alone hold an object.
 
 mod bodies;
-mod contact;
+mod contact_forces;
 mod path_check;
 
 use std::time::Duration;
@@ -25,7 +25,7 @@ use yarp_devices::wam::WamModel;
 use crate::simulated_robot::{self, HandPosture, PARTS, RobotPosture};
 use crate::{Pose, Scene};
 
-pub use contact::{Contact, Other};
+pub use contact_forces::{Contact, Other};
 pub use path_check::{PathCheck, Solid};
 
 /// Time of one step: the control period of the arm.
@@ -154,7 +154,7 @@ impl Physics {
         }
         self.world.step();
         self.contacts.clear();
-        let sharp = contact::reaction(&self.world, &frames, &mut self.contacts);
+        let sharp = contact_forces::reaction(&self.world, &frames, &mut self.contacts);
         self.blend(&sharp);
         for (object, body) in scene.objects.iter_mut().zip(&self.objects) {
             let body = &self.world.bodies[*body];
@@ -210,7 +210,7 @@ impl Physics {
         }
     }
 
-    fn blend(&mut self, sharp: &contact::Sharp) {
+    fn blend(&mut self, sharp: &contact_forces::Sharp) {
         let before = self.reaction;
         // Table and baskets push as springs on what is stiff itself: there a delay would do harm.
         let bounded = Joints::<7>::from_fn(|joint, _| {

@@ -6,17 +6,17 @@
 //! | `command_queue` | commands that wait while the device executes an earlier one |
 //! | `submit` | submits commands through the queue, and polls the motions that they start |
 //! | `motion_tracker` | numbered motions, and their ends |
-//! | `execute` | calls of the device, generated from the descriptions of the interfaces |
+//! | `board_command_execution` | calls of the device, generated from the descriptions of the interfaces |
 //! | `supported_interfaces` | the interfaces of the device |
 //! | `state_publisher` | the state, every period |
 //! | `deadline_monitor` | missed publish deadlines |
 //! | `help_text` | help for people |
 
+mod board_command_execution;
 mod board_request_handler;
 mod command_queue;
 mod command_submission;
 mod deadline_monitor;
-mod execute;
 mod help_text;
 mod motion_tracker;
 mod state_publisher;

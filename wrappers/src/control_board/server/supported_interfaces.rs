@@ -2,12 +2,12 @@
 
 use yarp_devices::Device;
 
-use super::execute;
+use super::board_command_execution;
 use crate::thrift::Item;
 
 /// A map from the names of the interfaces to whether the device has them, in the order of stock.
 pub(super) fn list(device: &dyn Device) -> Item {
-    let mut entries = execute::interfaces(device);
+    let mut entries = board_command_execution::interfaces(device);
     entries.retain(|(name, _)| !name.is_empty());
     // Times come with encoder readings; nothing else has a time of its own.
     entries.push(("iPreciselyTimed", false));

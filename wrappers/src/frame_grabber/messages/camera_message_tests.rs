@@ -438,16 +438,32 @@ fn a_server_of_3_5_answers_orders_it_carried_out_with_nak() {
 
 proptest! {
     #[test]
-    fn whatever_is_said_is_answered(
+    fn a_request_reads_back_or_is_refused_in_its_form(
         head in prop::sample::select(vec!["fgi", "fgir", "visr", "fgc", "fgfw", "getImageCropRPC", "setFeature1RPC", "setActiveRPC", "setVideoModeDC1394RPC"]),
         act in prop::sample::select(vec!["get", "set", "has", "0", ""]),
         what in prop::sample::select(vec!["crop", "feat", "fea2", "res", "fov", "mirr", "actv", "mode", "conf", "DR2m", "DR2B"]),
-        tail in "[-0-9. ()\\[\\]a-z]{0,20}",
+        tail in prop_oneof![
+            prop::sample::select(vec!["", "0", "1", "0 0.5", "640 480", "0 (1 2 3 4)"]).prop_map(str::to_owned),
+            "[-0-9. ()\\[\\]a-z]{0,20}",
+        ],
     ) {
-        if let Ok(message) = Bottle::parse(&format!("{head} {act} {what} {tail}"))
-            && let Err(error) = Request::parse(&message)
-        {
-            prop_assert!(!refusal(&message, &error.to_string()).is_empty());
+        let Ok(message) = Bottle::parse(&format!("{head} {act} {what} {tail}")) else {
+            return Ok(());
+        };
+        match Request::parse(&message) {
+            Ok(request) => {
+                let words = request.to_bottle();
+                let call = request.to_call().map(|call| printed(&call));
+                prop_assert!(words.is_some() || call.is_some(), "{request:?}");
+                for form in [words, call].into_iter().flatten() {
+                    prop_assert_eq!(Request::parse(&form), Ok(request.clone()), "{}", form);
+                }
+            }
+            Err(error) => {
+                let refusal = refusal(&message, &error.to_string()).to_string();
+                let forms = ["[fail]", "[nak]", "0", "\"command not recognized\"", &format!("[{head}] [set] 0")];
+                prop_assert!(forms.iter().any(|form| refusal.starts_with(form)), "{}", refusal);
+            }
         }
     }
 

@@ -1,4 +1,4 @@
-//! Measures planning on random problems: `cargo run -p yarp-planning --example speed -- SEED COUNT SEARCHES SHORTCUTS`.
+//! Measures planning on random problems: `cargo run -p yarp-planning --example planning_speed -- SEED COUNT SEARCHES SHORTCUTS`.
 
 use std::time::Instant;
 

@@ -1,7 +1,7 @@
 //! Measures the speed of inverse kinematics and of the simulation on this machine.
 //!
 //! ```sh
-//! cargo run --release -p yarp-devices --example speed
+//! cargo run --release -p yarp-devices --example arm_model_speed
 //! ```
 //!
 //! Prints the share of random reachable poses solved with the median and the 99th percentile of the time for one, and how

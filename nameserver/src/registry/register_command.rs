@@ -9,7 +9,7 @@ use yarp_wire::name_service::{Form, RegisterRequest, Registration, SERVER_CHOOSE
 use super::liveness::LivenessRecord;
 use super::properties::Properties;
 use super::registry_limits::{self, Refusal};
-use super::{Body, Change, Effect, Entry, Registry, Reply, budget};
+use super::{Body, Change, Effect, Entry, Registry, Reply, memory_budget};
 
 impl Registry {
     pub(super) fn register(
@@ -47,7 +47,7 @@ impl Registry {
         let name = self.name_for(&asked.name)?;
         self.forget(&name, effects, &mut Vec::new());
         // It is looked at before numbers and groups are handed out.
-        if let Err(refusal) = self.account.charge_name(budget::port_cost(&name, "")) {
+        if let Err(refusal) = self.account.charge_name(memory_budget::port_cost(&name, "")) {
             self.names.free(&name);
             return Err(refusal);
         }
@@ -92,7 +92,7 @@ impl Registry {
     ) -> Result<(), Refusal> {
         let name = registration.name.clone();
         let carrier = [registration.carrier.clone()];
-        let cost = budget::port_cost(&name, &registration.host);
+        let cost = memory_budget::port_cost(&name, &registration.host);
         let entry = Entry {
             registration,
             properties: Properties::default(),

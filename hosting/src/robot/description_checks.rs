@@ -6,7 +6,7 @@ use std::fmt;
 use yarp_wire::settings::Origin;
 
 use super::device_parameters::find;
-use super::targets::{AttachTargets, STORAGE, need};
+use super::action_targets::{AttachTargets, STORAGE, need};
 use super::{Action, ActionKind, DeviceEntry, Param, Robot};
 use crate::device_types;
 

@@ -14,7 +14,7 @@ use yarp_wire::message::Command;
 use yarp_wire::shmem::{HEAD, PACKET, STOCK_SIZE, at, key, lock_names};
 use yarp_wire::{Bottle, WireVersion};
 
-use super::channel::{Channel, create_segment};
+use super::shmem_segment::{Channel, create_segment};
 use super::*;
 use crate::{PortOptions, Queue};
 
