@@ -87,7 +87,10 @@ fn the_arm_works_without_the_name_server() {
 
     let words = format!("server --ip 127.0.0.1 --socket {}", home.server_port());
     let server = home.start(&words).see("Ok. Ready!");
-    let other = cast(&home, "/newcomer").expect("it is found again");
+    let other = cast(&home, "/newcomer").unwrap_or_else(|error| {
+        let (names, printed) = (home.names(), server.printed());
+        panic!("{error}; the server has {names:?} and printed {printed:?}")
+    });
     eventually("a first state", || is_at(&other, target));
     moves(&other, -5.0);
     eventually("the same to the one before", || is_at(&arm, -5.0));
@@ -108,10 +111,12 @@ fn clients_reconnect_to_a_restarted_board() {
     let _back = up(&home);
     // It is a new arm, which was never commanded to move.
     eventually("its state", || is_at(&arm, 0.0));
-    eventually("that it answers", || {
+    eventually("its mode", || {
         arm.control_modes(joint())
             .is_ok_and(|modes| modes == [Mode::Position])
     });
+    // The state arrives over another connection than the requests.
+    eventually("that it answers", || arm.reference_speeds(joint()).is_ok());
     moves(&arm, 30.0);
 }
 

@@ -5,8 +5,8 @@ use std::fmt;
 
 use yarp_wire::settings::Origin;
 
-use super::device_parameters::find;
 use super::action_targets::{AttachTargets, STORAGE, need};
+use super::device_parameters::find;
 use super::{Action, ActionKind, DeviceEntry, Param, Robot};
 use crate::device_types;
 

@@ -47,7 +47,10 @@ impl Registry {
         let name = self.name_for(&asked.name)?;
         self.forget(&name, effects, &mut Vec::new());
         // It is looked at before numbers and groups are handed out.
-        if let Err(refusal) = self.account.charge_name(memory_budget::port_cost(&name, "")) {
+        if let Err(refusal) = self
+            .account
+            .charge_name(memory_budget::port_cost(&name, ""))
+        {
             self.names.free(&name);
             return Err(refusal);
         }

@@ -9,8 +9,8 @@ use std::time::Instant;
 
 use yarp_wire::name_service::Registration;
 
-use super::memory_budget::Enforce;
 use super::liveness::LivenessRecord;
+use super::memory_budget::Enforce;
 use super::registry_limits::Refusal;
 use super::{Change, Effect, Entry, FALLBACK, Item, ItemValue, Registry, Settings};
 

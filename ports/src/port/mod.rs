@@ -71,6 +71,7 @@ mod socket_qos;
 mod tcp_listener;
 mod text_commands;
 
+use std::pin::Pin;
 use std::sync::Arc;
 use std::task::Poll;
 use std::time::Duration;
@@ -165,13 +166,14 @@ impl Port {
     ) -> Result<Self, PortError> {
         let (network, name) = (network.clone(), network.full_name(name));
         let (asked, unfinished) = (name.clone(), Unfinished::new());
-        // In a task of its own: the name may be registered before the caller is cancelled.
-        let opening = tokio::spawn(async move {
+        // In a task of its own: the name may be registered before the caller is cancelled. Boxed, so
+        // that the futures of callers are not nested more deeply.
+        let opening: Pin<Box<dyn Future<Output = _> + Send>> = Box::pin(async move {
             let opened = Self::open_uncancelled(&network, name, options).await;
             // A port that nobody receives is dropped with the task, and counts from then on.
             (opened, unfinished)
         });
-        match opening.await {
+        match tokio::spawn(opening).await {
             Ok((opened, _)) => opened,
             Err(error) => match error.try_into_panic() {
                 Ok(panic) => std::panic::resume_unwind(panic),
