@@ -14,6 +14,7 @@
 #   make check      formatting, lints, vocabulary and structure of the sources
 #   make deny       licences and sources of the dependencies
 #   make features   builds each library alone, with each of its features
+#   make msrv       checks with the oldest Rust that the manifest promises
 #   make package    makes the packages of all published crates
 
 # Where stock YARP is kept: outside the checkout, so that it is built once.
@@ -29,7 +30,14 @@ COMMA = ,
 # Where stock's graphical tools are kept.
 WINDOWS ?= $(HOME)/.cache/stock-yarp-windows
 
-.PHONY: run build features package test test-etcd test-live test-gui test-can soak idle hour bench check deny setup setup-vision stock abuse
+# Most tests wait for time to pass, for motions and deadlines.
+RUST_TEST_THREADS ?= 4
+export RUST_TEST_THREADS
+
+# The oldest Rust that builds the workspace; the manifest promises it.
+OLDEST_RUST := $(shell sed -n 's/^rust-version = "\(.*\)"/\1/p' Cargo.toml)
+
+.PHONY: msrv run build features package test test-etcd test-live test-gui test-can soak idle hour bench check deny setup setup-vision stock abuse
 
 run: build
 	target/release/yarp up
@@ -55,6 +63,11 @@ check: setup-vision
 # Each crate alone, with each of its features.
 features: setup
 	conformance/features.sh
+
+# With the oldest Rust, in a folder of its own: its results are of no use to another Rust.
+msrv: setup
+	rustup toolchain install --profile minimal $(OLDEST_RUST)
+	CARGO_TARGET_DIR=target/msrv cargo +$(OLDEST_RUST) check --workspace --features yarp-cli/table
 
 # The packages of all published crates.
 package: setup
