@@ -140,17 +140,17 @@ fn between_messages() {
 }
 
 fn check(phase: &str) {
-    let mut deaths = 0;
     leaving_nothing(async {
+        let mut deaths = 0;
         deaths += a_port_that_reads(phase).await;
         deaths += a_port_that_answers(phase).await;
         deaths += a_port_that_is_read_from(phase).await;
         deaths += a_port_that_writes(phase).await;
         deaths += a_port_that_calls(phase).await;
         deaths += a_port_that_pulls(phase).await;
+        assert!(deaths > 0, "no conversation has this phase");
+        println!("{deaths} deaths");
     });
-    assert!(deaths > 0, "no conversation has this phase");
-    println!("{deaths} deaths");
 }
 
 /// Every place and way to die in `phase`.

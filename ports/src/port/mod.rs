@@ -164,16 +164,15 @@ impl Port {
         name: &str,
         options: PortOptions,
     ) -> Result<Self, PortError> {
+        // In a task of its own: the name may be registered before the caller is cancelled.
         let (network, name) = (network.clone(), network.full_name(name));
         let (asked, unfinished) = (name.clone(), Unfinished::new());
-        // In a task of its own: the name may be registered before the caller is cancelled. Boxed, so
-        // that the futures of callers are not nested more deeply.
-        let opening: Pin<Box<dyn Future<Output = _> + Send>> = Box::pin(async move {
+        let opening = tokio::spawn(async move {
             let opened = Self::open_uncancelled(&network, name, options).await;
             // A port that nobody receives is dropped with the task, and counts from then on.
             (opened, unfinished)
         });
-        match tokio::spawn(opening).await {
+        match opening.await {
             Ok((opened, _)) => opened,
             Err(error) => match error.try_into_panic() {
                 Ok(panic) => std::panic::resume_unwind(panic),
@@ -624,7 +623,9 @@ impl Port {
     }
 
     /// Shuts everything down; the returned future waits for the rest.
-    fn shut(&mut self) -> Option<impl Future<Output = ()> + Send + 'static> {
+    ///
+    /// It is boxed: the futures of callers would be nested as deeply as what it does.
+    fn shut(&mut self) -> Option<Pin<Box<dyn Future<Output = ()> + Send>>> {
         let listener = self.listener.take()?;
         let parts = self.parts.clone();
         let registered = std::mem::take(&mut self.registered);
@@ -641,7 +642,7 @@ impl Port {
         in_process::withdraw(&self.parts.context);
         let (keep, _) = Cancel::new();
         let cancel = std::mem::replace(&mut self.cancel, keep);
-        Some(async move {
+        Some(Box::pin(async move {
             connections::close_outputs(&parts.connections.outputs()).await;
             parts.connections.disconnect_sources().await;
             parts.connections.release_groups().await;
@@ -654,7 +655,7 @@ impl Port {
             {
                 tracing::warn!(port = %parts.context.name, "cannot unregister: {}", error.error_chain());
             }
-        })
+        }))
     }
 
     fn closed(&self) -> PortError {

@@ -1,18 +1,25 @@
 //! Detection of leaked tasks and descriptors.
 
-use std::sync::{Mutex, PoisonError};
+use std::process::Command;
 
 use tokio::runtime::{Builder, Handle};
 
 use super::common::until;
 
-/// Descriptors belong to the whole process: one test at a time.
-static ALONE: Mutex<()> = Mutex::new(());
+/// Set in a process that runs one test.
+const ALONE: &str = "YARP_TEST_ALONE";
 
-/// Runs `test` on a runtime of its own while no other such test of the process runs, and insists
-/// that no task and no descriptor is left of it.
+/// Runs `test` on a runtime and in a process of its own, and insists that no task and no descriptor
+/// is left of it.
+///
+/// Descriptors belong to the whole process. Such a test calls this once, and does nothing else.
 pub(crate) fn leaving_nothing(test: impl Future<Output = ()>) {
-    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    let thread = std::thread::current();
+    let name = thread.name().expect("the thread of a test has its name");
+    // With one thread all tests run on the first one: none runs beside this one.
+    if name != "main" && std::env::var_os(ALONE).is_none() {
+        return run_again(name);
+    }
     let runtime = || Builder::new_current_thread().enable_all().build().unwrap();
     // The first runtime of a process opens what all share.
     drop(runtime());
@@ -24,6 +31,21 @@ pub(crate) fn leaving_nothing(test: impl Future<Output = ()>) {
     });
     drop(own);
     assert_eq!(descriptors(), before, "descriptors");
+}
+
+/// Runs the test of this name in another process.
+fn run_again(name: &str) {
+    let program = std::env::current_exe().unwrap();
+    let output = Command::new(program)
+        .args([name, "--exact", "--nocapture", "--test-threads=1"])
+        .env(ALONE, "1")
+        .output()
+        .unwrap();
+    let printed = String::from_utf8_lossy(&output.stdout);
+    println!("{printed}");
+    eprintln!("{}", String::from_utf8_lossy(&output.stderr));
+    let passed = output.status.success() && printed.contains("1 passed");
+    assert!(passed, "the test failed in a process of its own");
 }
 
 /// Descriptors that this process has open.

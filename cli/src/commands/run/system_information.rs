@@ -197,11 +197,11 @@ fn clamped(number: u64) -> i32 {
 
 /// Returns the last value of `NAME: VALUE` lines; empty if there is none.
 fn entry<'t>(text: &'t str, name: &str, separator: char) -> &'t str {
-    let values = text.lines().filter_map(|line| {
+    let mut values = text.lines().filter_map(|line| {
         let (known, value) = line.split_once(separator)?;
         (known.trim() == name).then_some(value.trim())
     });
-    values.last().unwrap_or_default()
+    values.next_back().unwrap_or_default()
 }
 
 /// A line of `/etc/passwd`.
