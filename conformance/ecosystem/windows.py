@@ -161,7 +161,8 @@ def yarpmotorgui(lab, desktop):
         tabs = until("there are tabs", lambda: {tab.name for tab in main.all("page tab")})
         if not {"/neck", "/arm"} <= tabs:
             raise Failed(f"the tabs are {tabs}, without /neck or /arm")
-        lab.expect("/ours/neck/rpc:i", ["set pos 1 12.5"], ["[ok]"])
+        # Of the part in front.
+        lab.expect("/ours/arm/rpc:i", ["set pos 1 12.5"], ["[ok]"])
         until("a position of our board is shown", lambda: any(
             field.text.startswith("12.5") for field in main.all("text")))
     return "without a parts option it offers both boards of the robot, and shows where they are"
