@@ -233,26 +233,29 @@ impl Cycle {
             tracing::info!("{}: all sensors work again", self.name);
         }
         self.stamp = self.stamp.next(clock::now());
-        let wants_ten = |reader: &Reader<'_>| {
-            reader.wire_version == WireVersion::V3
-                && match self.layout {
-                    MeasuresLayout::Either => reader.name.ends_with(CLIENT_SUFFIX),
-                    MeasuresLayout::Ten => true,
-                    MeasuresLayout::Twelve => false,
-                }
+        let layout = self.layout;
+        let gets_both = |reader: &Reader<'_>| {
+            layout == MeasuresLayout::Either
+                && reader.wire_version == WireVersion::V3
+                && reader.name.ends_with(CLIENT_SUFFIX)
         };
-        let wants_twelve = |reader: &Reader<'_>| {
-            self.layout != MeasuresLayout::Ten || reader.wire_version != WireVersion::V3
+        let gets_ten = |reader: &Reader<'_>| {
+            layout == MeasuresLayout::Ten && reader.wire_version == WireVersion::V3
         };
-        let (envelope, mut backlog) = (Some(self.stamp.into()), self.backlog);
-        self.measures.lists = MeasureLists::Twelve;
-        self.port
-            .try_write_to(&self.measures, envelope.clone(), backlog, wants_twelve);
-        self.measures.lists = MeasureLists::Ten;
+        let mut write = |lists, skippable, backlog, to: &dyn Fn(&Reader<'_>) -> bool| {
+            (self.measures.lists, self.measures.skippable) = (lists, skippable);
+            let envelope = Some(self.stamp.into());
+            self.port
+                .try_write_to(&self.measures, envelope, backlog, to);
+        };
+        let backlog = self.backlog;
+        write(MeasureLists::Twelve, false, backlog, &|reader| {
+            !gets_both(reader) && !gets_ten(reader)
+        });
+        write(MeasureLists::Twelve, true, backlog, &gets_both);
         // The message just sent to the same reader does not count.
-        backlog += usize::from(self.layout == MeasuresLayout::Either);
-        self.port
-            .try_write_to(&self.measures, envelope, backlog, wants_ten);
+        write(MeasureLists::Ten, true, backlog + 1, &gets_both);
+        write(MeasureLists::Ten, false, backlog, &gets_ten);
     }
 
     /// Returns the first sensor whose values are not valid.

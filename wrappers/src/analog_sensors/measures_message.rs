@@ -8,8 +8,18 @@
 //! time    = code of float64   float64
 //! ```
 //!
-//! Up to YARP 3.10 there are ten lists, from 3.11 on twelve. A stock client refuses a message with another number.
-//! Source: `SensorStreamingData.thrift`; bytes written by 3.5.0.
+//! Up to YARP 3.10 there are ten lists, from 3.11 on twelve. A stock client refuses a message with another number, but does
+//! not read the rest of it: it looks for the beginning of the next message at every eighth byte, and acknowledges nothing
+//! until it has found one. Each list has a multiple of 8 bytes, but each measure 4 more. Where an odd number of them may be
+//! refused, one is written as a list of numbers, whose time has no code:
+//!
+//! ```text
+//! measure = int32 256 + code of float64   int32 2   values   float64
+//! ```
+//!
+//! Clients read it, for they get the values before they look at the code; readers of bottles do not.
+//!
+//! Source: `SensorStreamingData.thrift`; bytes written by 3.5.0, and what it reads.
 
 use bytes::{Buf, BufMut, Bytes, BytesMut};
 use yarp_devices::{SensorKind, SensorReading};
@@ -50,6 +60,8 @@ pub struct Measures {
     pub readings: [Vec<SensorReading>; KINDS],
     /// Number of lists in which it is written.
     pub lists: MeasureLists,
+    /// True if it is written for stock's clients alone, of which some refuse it and find the next message.
+    pub skippable: bool,
 }
 
 impl Default for Measures {
@@ -57,6 +69,7 @@ impl Default for Measures {
         Self {
             readings: Default::default(),
             lists: MeasureLists::Twelve,
+            skippable: false,
         }
     }
 }
@@ -65,12 +78,19 @@ impl WireObject for Measures {
     fn write_binary(&self, out: &mut BytesMut, wire_version: WireVersion) {
         let count = self.lists.count();
         put_list(out, count);
+        let measures: usize = self.readings[..count].iter().map(Vec::len).sum();
+        let mut without_code = self.skippable && measures % 2 == 1;
         for readings in &self.readings[..count] {
             put_list(out, readings.len());
             for reading in readings {
-                put_list(out, 2);
+                let without_code = std::mem::take(&mut without_code);
+                let float64s = float64_list(wire_version);
+                out.put_i32_le(if without_code { float64s } else { LIST });
+                out.put_i32_le(2);
                 put_float64s(out, &reading.values, wire_version);
-                out.put_i32_le(float64_list(wire_version) - LIST);
+                if !without_code {
+                    out.put_i32_le(float64s - LIST);
+                }
                 out.put_f64_le(reading.time);
             }
         }
@@ -106,7 +126,8 @@ fn read_stock(rest: &mut &[u8], wire_version: WireVersion) -> Option<Measures> {
     for readings in &mut measures.readings[..count] {
         // Not reserved in advance: the number is a claim of the peer.
         for _ in 0..take_list(rest, LIST)? {
-            if take_list(rest, LIST)? != 2 {
+            let without_code = rest.first_chunk() == Some(&float64s.to_le_bytes());
+            if take_list(rest, if without_code { float64s } else { LIST })? != 2 {
                 return None;
             }
             let length = take_list(rest, float64s)?;
@@ -114,11 +135,13 @@ fn read_stock(rest: &mut &[u8], wire_version: WireVersion) -> Option<Measures> {
                 return None;
             }
             let values = (0..length).map(|_| rest.get_f64_le()).collect();
-            if rest.len() < 12 || rest.get_i32_le() != float64s - LIST {
+            if !without_code && (rest.len() < 4 || rest.get_i32_le() != float64s - LIST) {
                 return None;
             }
-            let time = rest.get_f64_le();
-            readings.push(reading(values, time));
+            if rest.len() < 8 {
+                return None;
+            }
+            readings.push(reading(values, rest.get_f64_le()));
         }
     }
     rest.is_empty().then_some(measures)
@@ -220,9 +243,40 @@ mod tests {
         }
     }
 
+    /// Stock's clients lost all measures of an odd number of sensors: those that refused one layout did not find the
+    /// next message, which had the other.
+    #[test]
+    fn what_a_stock_client_skips_ends_at_every_eighth_byte() {
+        for lists in [MeasureLists::Ten, MeasureLists::Twelve] {
+            let mut measures = example(lists);
+            for more in 0..4 {
+                measures.readings[more].push(reading(vec![0.5; more + 1], 13.0));
+                for wire_version in [WireVersion::V3, WireVersion::V4] {
+                    measures.skippable = true;
+                    let bytes = written(&measures, wire_version);
+                    assert_eq!(bytes.len() % 8, 0, "{} of {lists:?}", more + 4);
+                    measures.skippable = false;
+                    assert_eq!(
+                        Measures::read_binary(&bytes, wire_version).unwrap(),
+                        measures
+                    );
+                    let plain = written(&measures, wire_version);
+                    assert_eq!(plain == bytes, more % 2 == 0);
+                }
+            }
+        }
+    }
+
     #[test]
     fn truncated_and_lying_messages_are_refused() {
-        let bytes = written(&example(MeasureLists::Twelve), WireVersion::V3);
+        for skippable in [false, true] {
+            let mut measures = example(MeasureLists::Twelve);
+            measures.skippable = skippable;
+            refuses_truncated_and_lying(&written(&measures, WireVersion::V3));
+        }
+    }
+
+    fn refuses_truncated_and_lying(bytes: &Bytes) {
         for length in 0..bytes.len() {
             assert!(Measures::read_binary(&bytes.slice(..length), WireVersion::V3).is_err());
         }

@@ -8,6 +8,7 @@
 //! | `board_vocabulary` | the words of 3.x, and of streamed commands | all |
 //! | `axis_selection` | one joint, several, all: three spellings for each call | all |
 //! | `board_request` | queries and commands | |
+//! | `repeated_axes` | commands that name an axis twice | all |
 //! | `request_table` | what can be read and set, generated from the descriptions of the interfaces | all |
 //! | `spelling` | the words and functions of a row of the descriptions | all |
 //! | `board_arguments`, `results` | the types in requests and replies, and their layouts | both |
@@ -31,6 +32,7 @@ mod extended_state;
 mod motion_update;
 mod number_parsing;
 mod pid_messages;
+mod repeated_axes;
 mod reply_layout;
 mod request_spelling;
 mod request_table;

@@ -194,6 +194,21 @@ fn what_the_device_does_not_have_is_refused_with_its_results() {
     assert_eq!(asked(&board, "[set] [torq] [ref] 0 1.0"), "[fail]");
 }
 
+/// A program that named an axis twice, with the same target, did not move it.
+#[test]
+fn an_axis_may_be_named_twice_with_the_same_value() {
+    let board = board();
+    let check = |request: &str, reply: &str| assert_eq!(asked(&board, request), reply, "{request}");
+    check("[set] [posg] 2 (1 1) (-3.0 -3.0)", "[ok]");
+    check("[get] [pos] 1", "[is] [pos] -3.0 [tsta] [ok]");
+    check("[set] [posg] 2 (1 1) (-4.0 -5.0)", "[fail]");
+    check("[set] [relg] 2 (1 1) (-1.0 -1.0)", "[fail]");
+    check("[get] [pos] 1", "[is] [pos] -3.0 [tsta] [ok]");
+    check("[set] [icmd] [cmog] 2 (0 0) ([vel] [vel])", "[ok]");
+    check("[get] [icmd] [cmod] 0", "[is] 0 [vel] [tsta] [ok]");
+    check("[set] [icmd] [cmog] 2 (0 0) ([pos] [vel])", "[fail]");
+}
+
 #[test]
 fn answers_are_counted_from_0() {
     let board = board();
@@ -215,6 +230,7 @@ fn streamed_velocities_move() {
     };
     let at = |velocity: &str| format!("[is] [vmo] {velocity} [tsta] [ok]");
     assert_eq!(stream("([vmo] 2) (5.0)"), at("5.0"));
+    assert_eq!(stream("([vmog] 2 (2 2)) (7.0 7.0)"), at("7.0"));
     assert_eq!(stream("([vmog] 1 (2)) (6)"), at("6.0"));
     // For any malformed command, the joint continues as before.
     for wrong in [
@@ -224,7 +240,7 @@ fn streamed_velocities_move() {
         "([vmo] 7) (1.0)",
         "([vmos]) (1.0)",
         "([vmos]) (0.0 0.0 1.0 0.0 0.0 0.0 0.0)",
-        "([vmog] 2 (2 2)) (1.0 1.0)",
+        "([vmog] 2 (2 2)) (1.0 2.0)",
         "([dpo] 2) (1.0)",
         "() ()",
     ] {

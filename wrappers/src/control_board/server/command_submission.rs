@@ -79,6 +79,7 @@ impl RequestHandler {
     ///
     /// `numbered`: a client wants to know how the motion ends.
     pub(super) fn submit(&self, set: &Set, from: &str, numbered: bool) -> (u64, Submission) {
+        let set = &*set.without_repetitions();
         let number = self.motions.number();
         let Some(kind) = Kind::of(set) else {
             return (
@@ -114,6 +115,7 @@ impl RequestHandler {
             Err(error) => return self.refused(&error, from),
         };
         let set = Set::Values(streamed.setting, streamed.selection, command.values);
+        let set = set.without_repetitions().into_owned();
         if let Err(error) = self.check_queueable(&set) {
             return self.refused(&error, from);
         }
@@ -319,6 +321,7 @@ impl RequestHandler {
                 return Answer::reply(Bottle::of(Vocab32::FAIL));
             }
         };
+        let set = set.without_repetitions();
         let (number, given) = self.submit(&set, from, true);
         let axes: Vec<_> = known(set.axes(), self.axes()).collect();
         match given {
@@ -348,7 +351,7 @@ fn outcome_of(number: u64, axes: Vec<AxisIndex>, outcome: Result<(), Refusal>) -
     }
 }
 
-/// The axes that there are. A group may name more of them, some twice; the device refuses that.
+/// The axes that there are. A group may name more of them, some with two values; the device refuses that.
 fn known(axes: Axes<'_>, total: usize) -> impl Iterator<Item = AxisIndex> {
     axes.iter(total)
         .filter(move |axis| axis.index() < total)
