@@ -18,8 +18,8 @@
 //! * [`checks`]: behaviours that every device with these interfaces must show.
 //!
 //! Values are degrees, deg/s and deg/s² for revolute joints, metres, m/s and m/s² for prismatic ones:
-//! the convention of the stock interfaces. No radians cross an interface but [`CartesianControl`]; [`wam::wam_units`] is the border. Sockets and
-//! buses are known only where a device is behind one.
+//! the convention of the stock interfaces. No radians cross an interface but [`CartesianControl`] and [`GazeControl`];
+//! [`wam::wam_units`] is the border. Sockets and buses are known only where a device is behind one.
 //!
 //! | feature | content |
 //! | --- | --- |

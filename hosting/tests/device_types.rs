@@ -3,11 +3,14 @@
 mod support;
 
 use support::Stage;
-use yarp_devices::Axes;
 use yarp_devices::embedded::{LinkMode, NodeOptions, WamNode};
 use yarp_devices::hand::simulated::{SimulatedHand, SimulatedHandOptions};
 use yarp_devices::wam::SimulatedWam;
+use yarp_devices::{Axes, DeviceError};
+use yarp_ports::{Answer, Port, PortOptions, Received};
 use yarp_testing::eventually;
+use yarp_wire::float_vector::Vector;
+use yarp_wire::{Bottle, Vocab32};
 
 /// Checks a camera that one program serves and another one reads.
 #[test]
@@ -153,6 +156,72 @@ fn a_tool_is_served_to_a_client() {
         error.contains("GENERAL::KinematicPart: expected custom or wam7"),
         "{error}"
     );
+}
+
+/// Checks the client of a gaze controller, with stock's parameters, as far as it comes without one.
+#[test]
+fn a_gaze_controller_that_is_not_there_is_named() {
+    let stage = Stage::new();
+    for (text, expected) in [
+        (
+            "local /me",
+            "d.ini:1: device d: parameter remote is missing",
+        ),
+        (
+            "remote /gaze",
+            "d.ini:1: device d: parameter local is missing",
+        ),
+        (
+            "remote /gaze\nlocal /me\ntimeout soon",
+            "d.ini:3: device d: parameter timeout: expected",
+        ),
+        (
+            "remote /gaze\nlocal /me\ncarrier tcp\ntimeout 0.5",
+            "d.ini:1: device d",
+        ),
+    ] {
+        let error = stage.open("gazecontrollerclient", text).err();
+        let error = error.expect("there is no controller");
+        assert!(error.starts_with(expected), "{error}");
+    }
+}
+
+/// Checks the client of a gaze controller, with stock's parameters, on ports that tell a version and nothing else.
+#[test]
+fn a_gaze_controller_is_reached() {
+    let stage = Stage::new();
+    let reply = |_: &mut Received| {
+        let version = Bottle::of("server_version").with("2.0");
+        Answer::reply(Bottle::of(Vocab32::new("ack")).with(Bottle::of(version)))
+    };
+    let suffixes = [
+        "rpc", "xd:i", "angles:i", "mono:i", "stereo:i", "x:o", "angles:o", "q:o", "events:o",
+    ];
+    let ports = suffixes.map(|suffix| {
+        let name = format!("/gaze/{suffix}");
+        let options = PortOptions::new().handler(reply);
+        let opening = Port::open(&stage.network, &name, options);
+        stage.runtime.block_on(opening).expect("it opens")
+    });
+    let text = "remote /gaze\nlocal /me\ncarrier nosuch\n";
+    let error = stage.open("gazecontrollerclient", text).err();
+    let error = error.expect("no carrier has this name");
+    assert!(error.contains("/gaze/xd:i over nosuch"), "{error}");
+    let text = "remote /gaze\nlocal /me\ncarrier tcp\ntimeout 0.25\n";
+    let seen = stage
+        .open("gazecontrollerclient", text)
+        .expect("it is there");
+    let device = seen.parts().other.expect("it is a device");
+    let gaze = device.gaze_control().expect("it controls the gaze");
+    assert_eq!(gaze.gaze_info().unwrap().server_version, "2.0");
+    let point = Vector(vec![1.0, 2.0, 3.0]);
+    stage.runtime.block_on(ports[5].write_strict(&point, None));
+    eventually("a point that grew old", || {
+        let limit = std::time::Duration::from_millis(250);
+        matches!(gaze.fixation_point(), Err(DeviceError::Stale { limit: of, .. }) if of == limit)
+    });
+    drop(device);
+    stage.runtime.block_on(seen.close());
 }
 
 /// Checks the old names, whose period is in milliseconds.

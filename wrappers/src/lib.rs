@@ -8,6 +8,7 @@
 //! * [`control_board`]: joints that move. [`ControlBoardServer`], [`RemoteControlBoard`].
 //! * [`cartesian`]: tools that move in space. [`CartesianServer`], [`RemoteCartesianControl`].
 //! * [`frame_grabber`]: cameras. [`FrameGrabberServer`], [`RemoteFrameGrabber`].
+//! * [`gaze`]: gaze controllers of iCub. [`RemoteGazeControl`].
 //! * [`analog_sensors`]: sensors of several kinds. [`AnalogSensorsServer`], [`RemoteAnalogSensors`].
 //! * [`analog_sensor`]: one sensor of several channels, of YARP 3.x. [`AnalogSensorServer`], [`RemoteAnalogSensor`].
 //! * [`inertial`]: an inertial sensor on one port, of YARP 3.x. [`InertialServer`].
@@ -27,6 +28,7 @@ pub mod control_board;
 mod device_ports;
 mod first_value;
 pub mod frame_grabber;
+pub mod gaze;
 pub mod hand;
 pub mod inertial;
 pub mod network_time;
@@ -58,7 +60,7 @@ pub use first_value::wait_first_value;
 pub use frame_grabber::{
     FrameGrabberOptions, FrameGrabberServer, RemoteFrameGrabber, RemoteFrameGrabberOptions,
 };
-
+pub use gaze::{RemoteGazeControl, RemoteGazeOptions};
 pub use hand::{HandServer, RemoteHand, RemoteHandOptions};
 pub use inertial::{InertialOptions, InertialServer};
 pub use software_stop::StopServer;

@@ -160,6 +160,24 @@ const TOOL: [&str; 16] = [
     "[rest] 99999999999",
 ];
 
+/// Replies of gaze controllers, events, and some that are wrong.
+const GAZE: [&str; 14] = [
+    "[ack]",
+    "[nack]",
+    "[ack] 1",
+    "[ack] -30.0 22.0",
+    "[ack] (-0.3 0.1 0.2)",
+    "[ack] (-0.3 0.1 0.2 0.0 0.0 1.0 3.14) (12 1204.5)",
+    "[ack] ((Kp (1.0 2.0)) (Ts 0.05) (dominantEye left))",
+    "[ack] ((server_version \"2.0\") (head_version 2.7) (min_allowed_vergence 0.5) (events (motion-onset)) (camera_width_left 320))",
+    "motion-ongoing 1204.1 0.5",
+    "comm-timeout 1204.1",
+    "[ack] ((server_version))",
+    "[ack] ({1 2 3})",
+    "motion-ongoing 1204.1 nan",
+    "command not recognized",
+];
+
 /// Heads of streamed commands of both wire versions.
 const HEADS: [&str; 8] = [
     "[vmo] 0",
@@ -222,6 +240,9 @@ fn write_seeds() {
         }
         for (number, text) in TOOL.iter().enumerate() {
             write("tool", number, &Bottle::parse(text).unwrap(), wire_version);
+        }
+        for (number, text) in GAZE.iter().enumerate() {
+            write("gaze", number, &Bottle::parse(text).unwrap(), wire_version);
         }
         for (number, text) in HEADS.iter().enumerate() {
             let command = Command {

@@ -23,6 +23,7 @@ mod remote_battery;
 mod remote_camera_checks;
 mod remote_cartesian_checks;
 mod remote_control_board_checks;
+mod remote_gaze;
 mod remote_hand_checks;
 mod remote_hand_control_board;
 mod remote_torque_control;

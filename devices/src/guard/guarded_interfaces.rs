@@ -52,6 +52,7 @@ macro_rules! guarded_interface {
     (rgb_visual_params $interface:ident) => {};
     (audio_grabber $interface:ident) => {};
     (audio_render $interface:ident) => {};
+    (gaze_control $interface:ident) => {};
     (battery $interface:ident) => {};
     (analog_sensors $interface:ident) => {};
     (analog_sensor $interface:ident) => {};

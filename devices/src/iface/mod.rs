@@ -3,7 +3,7 @@
 //! All traits are object safe, take `&self` and are meant to be called from several threads. Calls return at once; a
 //! device behind a network may take as long as its own timeout, which it documents. Those of [`Hand`] and [`Grasp`]
 //! return when the motion has ended. Values are in the unit of the axis (degrees or metres, and per second; radians
-//! in [`CartesianControl`] alone, for the orientation of a tool). The stock overloads for one, several and all joints
+//! in [`CartesianControl`] and [`GazeControl`] alone, for orientations in space). The stock overloads for one, several and all joints
 //! are one method with an [`Axes`](crate::Axes) selector. A command for several joints is checked completely before
 //! anything moves: all of it happens, or none.
 //!
@@ -95,6 +95,8 @@ macro_rules! device_interfaces {
             joint_brake: JointBrake;
             /// Returns the Cartesian controller (`ICartesianControl`).
             cartesian_control: CartesianControl;
+            /// Returns the gaze controller of a head (`IGazeControl`).
+            gaze_control: GazeControl;
             /// A hand as a whole; no stock interface is like it.
             hand: Hand;
             /// Grasps by name; no stock interface is like it.
@@ -204,6 +206,7 @@ mod encoders;
 mod firewire_controls;
 mod frame_grabber_controls;
 mod frame_grabber_image;
+mod gaze_control;
 mod grasp;
 mod hand;
 mod impedance_control;
@@ -249,6 +252,10 @@ pub use frame_grabber_controls::{
     Bus, CameraDescription, Feature, FeatureMode, FrameGrabberControls,
 };
 pub use frame_grabber_image::{FrameGrabberImage, FrameGrabberImageRaw};
+pub use gaze_control::{
+    Eye, FixationPoint, GazeAngles, GazeControl, GazeEvent, GazeEventKind, GazeFrame, GazeInfo,
+    GazeOptions, GazeReference, GazeTarget, NeckJoint, StampedGazeAngles,
+};
 pub use grasp::{Grasp, GraspKind, UnknownGrasp};
 pub use hand::Hand;
 pub use impedance_control::{Impedance, ImpedanceControl, ImpedanceLimits};

@@ -15,6 +15,7 @@ mod camera_devices;
 mod cartesian_devices;
 mod fake_motion_control;
 mod fake_sensors;
+mod gaze_devices;
 mod inertial;
 mod local_device;
 mod multiple_analog_sensors_devices;
@@ -89,6 +90,7 @@ pub const DEVICE_TYPES: &[DeviceType] = &[
     device_type("remote_controlboard", &["controlBoard_nwc_yarp"], "joints served by another program; remote, local, carrier, timeout", None, |opening| Box::pin(remote_board::open(opening))),
     device_type("frameGrabber_nwc_yarp", &[], "a camera served by another program; remote, local, stream, no_stream", None, |opening| Box::pin(camera_devices::remote(opening))),
     device_type("frameGrabber_nws_yarp", &[], "serves a camera on ports; name, period in seconds, capabilities", None, |opening| Box::pin(camera_devices::server(opening))),
+    device_type("gazecontrollerclient", &[], "the gaze of a head controlled by iCub's iKinGazeCtrl; remote, local, carrier, timeout", None, |opening| Box::pin(gaze_devices::remote(opening))),
     device_type("grabber", &["grabberDual"], "the same with the old names; name, period in milliseconds", None, |opening| Box::pin(camera_devices::old_server(opening))),
     device_type("inertial", &[], "serves an inertial sensor as YARP 3.x, as twelve numbers on one port; name, period in seconds, sensor", None, |opening| Box::pin(inertial::open(opening))),
     device_type("multipleanalogsensorsclient", &[], "sensors served by another program; remote, local, carrier, timeout", None, |opening| Box::pin(multiple_analog_sensors_devices::remote(opening))),

@@ -10,6 +10,7 @@ use yarp_wrappers::control_board::messages::{
     Command, JointData, MotionUpdate, Numbered, Reply, Request,
 };
 use yarp_wrappers::frame_grabber::messages as grabber;
+use yarp_wrappers::gaze::messages::{self as gaze_messages, GazeReply};
 use yarp_wrappers::hand::messages as hands;
 use yarp_wrappers::thrift::{ReturnCode, ServiceVersion};
 
@@ -17,7 +18,7 @@ use yarp_wrappers::thrift::{ReturnCode, ServiceVersion};
 pub type Target = (&'static str, fn(&[u8]));
 
 /// All targets.
-pub const TARGETS: [Target; 9] = [
+pub const TARGETS: [Target; 10] = [
     ("request", request),
     ("numbered", numbered),
     ("call", call),
@@ -27,6 +28,7 @@ pub const TARGETS: [Target; 9] = [
     ("picture", picture),
     ("hand", hand),
     ("tool", tool),
+    ("gaze", gaze),
 ];
 
 const DIALECTS: [WireVersion; 2] = [WireVersion::V3, WireVersion::V4];
@@ -208,6 +210,27 @@ pub fn tool(data: &[u8]) {
         if let Some(event) = cartesian::from_event(&bottle) {
             let again = cartesian::from_event(&cartesian::to_event(&event));
             assert_eq!(format!("{again:?}"), format!("{:?}", Some(event)));
+        }
+    }
+}
+
+/// Replies of gaze controllers, and events: any values are read, or are none.
+pub fn gaze(data: &[u8]) {
+    let bytes = Bytes::copy_from_slice(data);
+    for wire_version in DIALECTS {
+        let Ok(bottle) = Bottle::decode(&bytes, wire_version, Limits::DEFAULT) else {
+            continue;
+        };
+        let _ = gaze_messages::from_event(&bottle);
+        let Some(GazeReply::Done(values)) = GazeReply::read(bottle) else {
+            continue;
+        };
+        let _ = (values.number(), values.flag(), values.id(), values.range());
+        let _ = (values.blocked_vergence(), values.list());
+        let _ = (values.array::<3>(), values.angles(), values.pose());
+        if let Some(info) = values.info() {
+            let options = values.options().expect("information is options");
+            assert!(info.others.options.len() <= options.options.len());
         }
     }
 }

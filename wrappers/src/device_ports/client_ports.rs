@@ -3,6 +3,7 @@
 use std::error::Error;
 use std::fmt::Display;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
 use tokio::task::JoinSet;
@@ -15,8 +16,12 @@ use super::{LatestValue, Link, RemoteOptions};
 use crate::OpenError;
 use crate::open_ports::{close_all, open_all, port_name};
 use crate::reconnect::{
-    PORT_CLOSE_TIMEOUT, RPC_CARRIER, WATCH_INTERVAL, connect_supervised, subscribe, to_text,
+    Missing, PORT_CLOSE_TIMEOUT, RPC_CARRIER, WATCH_INTERVAL, connect_supervised, subscribe,
+    to_text,
 };
+
+/// Attempts to ask for events again after the stream beside them was asked for.
+const EVENT_ATTEMPTS: usize = 4;
 
 /// Names of a client's port for calls.
 #[derive(Clone, Copy, Debug)]
@@ -113,10 +118,45 @@ impl RemotePorts {
         latest: &Arc<LatestValue<T>>,
         age: Duration,
     ) -> Result<(), OpenError> {
-        let from = self.remote_port(suffix);
-        let ends = (from.as_str(), self.ports[port].name());
         let (latest, age) = (latest.clone(), age.max(2 * WATCH_INTERVAL));
         let are_missing = Box::new(move || latest.is_older_than(age));
+        self.subscribe_while((suffix, port), are_missing).await
+    }
+
+    /// Has two ports of the server write to two of ours, `(suffix, port)` each. The second one is a stream of rare messages,
+    /// whose absence says nothing: it is asked for again whenever the first one is, and until some time after.
+    pub(crate) async fn subscribe_with_events<T: Send + 'static>(
+        &mut self,
+        stream: (&str, usize),
+        events: (&str, usize),
+        latest: &Arc<LatestValue<T>>,
+    ) -> Result<(), OpenError> {
+        let (latest, age) = (latest.clone(), 2 * WATCH_INTERVAL);
+        let due = Arc::new(AtomicUsize::new(0));
+        let remaining = due.clone();
+        let are_missing = Box::new(move || {
+            let missing = latest.is_older_than(age);
+            if missing {
+                due.store(EVENT_ATTEMPTS, Ordering::Relaxed);
+            }
+            missing
+        });
+        self.subscribe_while(stream, are_missing).await?;
+        let one_less = move || {
+            let ordering = Ordering::Relaxed;
+            remaining.fetch_update(ordering, ordering, |left| left.checked_sub(1))
+        };
+        self.subscribe_while(events, Box::new(move || one_less().is_ok()))
+            .await
+    }
+
+    async fn subscribe_while(
+        &mut self,
+        (suffix, port): (&str, usize),
+        are_missing: Missing,
+    ) -> Result<(), OpenError> {
+        let from = self.remote_port(suffix);
+        let ends = (from.as_str(), self.ports[port].name());
         let carrier = &self.options.carrier;
         subscribe(&self.network, ends, carrier, &mut self.asking, are_missing).await
     }

@@ -1,6 +1,8 @@
 //! A network without ports.
 #![allow(dead_code, reason = "each test file uses a part of it")]
 
+pub(crate) mod gaze_controller;
+
 use std::sync::Arc;
 use std::time::Duration;
 

@@ -8,7 +8,6 @@
 //! ```
 
 use std::sync::Arc;
-use std::time::Duration;
 
 use yarp_devices::{CartesianInfo, DeviceError};
 use yarp_ports::{Network, PortOptions};
@@ -80,11 +79,9 @@ impl ToolLink {
         self.check_version(&info)?;
         self.ports.connect(COMMAND, "command:i").await?;
         let newest = &self.latest.newest;
-        for (from, to) in [("state:o", STATE), ("events:o", EVENTS)] {
-            self.ports
-                .subscribe(from, to, newest, Duration::ZERO)
-                .await?;
-        }
+        self.ports
+            .subscribe_with_events(("state:o", STATE), ("events:o", EVENTS), newest)
+            .await?;
         match self
             .question(Query::IsOn, "that its solver is there", Values::yes_or_no)
             .await?

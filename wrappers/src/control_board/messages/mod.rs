@@ -53,6 +53,7 @@ pub(crate) use request_spelling::Spelling;
 pub use request_table::{Action, Quantity, Query, Set, Setting};
 pub(crate) use results::{Choices, Outcome};
 pub use streaming_command::{Command, StreamingCommand};
+pub(crate) use variable_value::{read as read_variable, to_values as variable_values};
 
 #[cfg(test)]
 mod recorded_tests;
