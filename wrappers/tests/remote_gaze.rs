@@ -200,7 +200,7 @@ fn points_pixels_and_poses_are_asked_with_the_words_of_stock() {
         (GazeFrame::Head, "head", 2.0),
     ] {
         let pose = gaze.gaze_pose(frame).unwrap();
-        let expected = [place, 0.2, 0.3, 0.0, 0.0, 1.0, 3.14];
+        let expected = [place, 0.2, 0.3, 0.0, 0.0, 1.0, 1.5];
         assert_eq!((pose.pose.to_array(), pose.time), (expected, 1204.5));
         assert_eq!(controller.received(), [format!("get pose {word}")]);
     }
@@ -555,7 +555,7 @@ fn a_wrong_reply_is_an_error_and_never_a_value() {
         vec![floats(&[1.0])],
     ];
     for (place, call) in all.iter().enumerate() {
-        for reply in garbage.iter().cloned() {
+        for reply in &garbage {
             controller.with(|settings| settings.behaviour = Behaviour::Replying(reply.clone()));
             assert!(call(&gaze), "{place}: {reply:?}");
         }

@@ -394,7 +394,7 @@ impl Settings {
                     }
                     _ => return None,
                 };
-                let pose = floats(&[x as f64, 0.2, 0.3, 0.0, 0.0, 1.0, 3.14]);
+                let pose = floats(&[x as f64, 0.2, 0.3, 0.0, 0.0, 1.0, 1.5]);
                 return Some(vec![pose, List(vec![Int(7), Float(1204.5)])]);
             }
             // Results are made of the arguments, so that each is seen to be in its place.
