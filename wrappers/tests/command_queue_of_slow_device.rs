@@ -218,7 +218,7 @@ fn an_order_that_is_wrong_whatever_the_device_says_displaces_none() {
     for wrong in [
         numbered_move(f64::NAN),
         numbered(Selection::All, &[3.0]),
-        numbered(group(&[0, 0]), &[3.0, 3.0]),
+        numbered(group(&[0, 0]), &[3.0, 4.0]),
         numbered(group(&[0, 99]), &[3.0, 3.0]),
         Bottle::parse("[set] [poss] (3.0)").expect("a bottle"),
         Bottle::parse("[set] [stog] (0 99)").expect("a bottle"),
