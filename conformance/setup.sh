@@ -5,7 +5,7 @@
 set -euo pipefail
 
 if ! command -v cargo >/dev/null; then
-    echo "setup: Rust is missing; install 1.88 or newer (https://rustup.rs; Debian's own is older), then try again" >&2
+    echo "setup: Rust is missing; install 1.89 or newer (https://rustup.rs; Debian's own is older), then try again" >&2
     exit 1
 fi
 missing=""
