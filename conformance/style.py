@@ -82,9 +82,10 @@ def dead_paths():
     """Yields each path that a document names and that is not there, from the root, a crate, its `src/` or the document."""
     folders = [path for path in ROOT.iterdir() if path.is_dir() and not path.name.startswith(".") and path.name != "target"]
     places = [ROOT, *folders, *(path / "src" for path in folders)]
-    listed = subprocess.run(["git", "ls-files", "*.md"], cwd=ROOT, capture_output=True, text=True, check=True).stdout.split()
-    every_file = {Path(name).name for name in subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout.splitlines()}
-    for document in (ROOT / name for name in listed if not name.endswith("CHANGELOG.md")):
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True).stdout.split("\0")
+    every_file = {Path(name).name for name in listed}
+    documents = [ROOT / name for name in listed if name.endswith(".md") and not name.endswith("CHANGELOG.md")]
+    for document in documents:
         for number, line in enumerate(document.read_text(encoding="utf8").splitlines(), 1):
             for text in re.findall(r"`([^`\s]+/[^`\s]*)`", line):
                 is_ours = text.split("/")[0] in {path.name for path in folders} or re.search(r"\.(rs|py|sh|md|toml)$", text)

@@ -54,6 +54,8 @@ const WEBSOCKET_UPGRADE: &[u8] = b"GET /?ws HTTP/1.1\r\nHost: localhost\r\nUpgra
 /// Maximum number of runs if bytes are left. A list that keeps its capacity grows when by chance
 /// more cycles overlap than ever before; a leak grows every time.
 const MAX_ROUNDS: usize = 3;
+/// Interval without a change after which resources are settled.
+const SETTLE_INTERVAL: Duration = Duration::from_millis(100);
 /// Truncated beginnings of connections.
 const TRUNCATED_OPENINGS: [&[u8]; 5] = [
     b"",
@@ -99,18 +101,18 @@ impl Footprint {
             && self.shared <= before.shared
     }
 
-    /// Waits until nothing but bytes has increased since `before`, or the timeout expires; returns
-    /// the resources in use then.
+    /// Waits until nothing but bytes has increased since `before` and tasks that are ending have given back their bytes, or the
+    /// timeout expires; returns the resources in use then.
     async fn settle(before: Self) -> Self {
         let settling = async {
+            let mut previous = Self::now();
             loop {
+                tokio::time::sleep(SETTLE_INTERVAL).await;
                 let now = Self::now();
-                if now.is_no_more_than(&before) {
-                    // Tasks that are ending may still hold some bytes.
-                    tokio::time::sleep(Duration::from_millis(50)).await;
+                if now.is_no_more_than(&before) && now == previous {
                     return now;
                 }
-                tokio::time::sleep(Duration::from_millis(10)).await;
+                previous = now;
             }
         };
         let settled = tokio::time::timeout(STEP_TIMEOUT, settling).await;

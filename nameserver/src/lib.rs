@@ -13,6 +13,7 @@ mod prober;
 mod probes;
 pub mod registry;
 pub mod shared;
+mod shared_lists;
 pub mod store;
 mod web;
 

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use tokio::sync::mpsc;
 use tokio::sync::mpsc::error::TrySendError;
-use yarp_ports::{Answer, Network, run_large};
+use yarp_ports::{Answer, Network};
 use yarp_wire::message::RawText;
 use yarp_wire::name_service::{Command, Kind, Registration, Request, UNSUPPORTED_PREFIX};
 
@@ -16,6 +16,7 @@ use crate::prober;
 use crate::probes::{Endpoint, Probes};
 use crate::registry::{Body, ClaimResult, Effect, Probe, Registry, Reply};
 use crate::shared::{self, LeaseForwarder, Precondition, WriterChannel};
+use crate::shared_lists::SharedLists;
 use crate::store::{Journal, StoreError, StoreResult};
 
 /// Interval between two probes of an owner that may not listen yet.
@@ -39,6 +40,7 @@ const NOT_BY_PAGE: &str = "somebody has this name, and browsers cannot take it";
 pub(crate) struct RequestHandler {
     registry: Arc<Mutex<Registry>>,
     persistence: Mutex<Persistence>,
+    lists: SharedLists,
     /// Leases that ports renewed at this server, to be forwarded to the other servers.
     leases: Arc<LeaseForwarder>,
     effects: mpsc::Sender<Effect>,
@@ -88,6 +90,7 @@ impl RequestHandler {
         Self {
             registry,
             persistence: Mutex::new(persistence),
+            lists: SharedLists::default(),
             leases: Arc::default(),
             effects,
             replace,
@@ -196,11 +199,12 @@ impl RequestHandler {
         }
         let (request_handler, request) = (request_handler.clone(), request.clone());
         Some(Answer::Later(Box::pin(async move {
-            let list = || {
+            let build = || {
                 let mut registry = request_handler.registry();
                 registry.handle(Instant::now(), Some(from), &request).body
             };
-            to_answer(run_large(bytes, list).await)
+            let lists = &request_handler.lists;
+            lists.answer(from, request.to_string(), bytes, build).await
         })))
     }
 

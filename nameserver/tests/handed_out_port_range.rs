@@ -1,5 +1,7 @@
 //! The server hands out the TCP ports of its range, and ports use no others.
 
+use std::io::ErrorKind;
+
 use yarp_nameserver::{Server, ServerOptions};
 use yarp_ports::{Port, PortError, PortOptions};
 
@@ -50,6 +52,30 @@ async fn numbers_in_use_are_skipped_within_the_range() {
     );
 }
 
+/// Another robot's ports on the same machine.
+#[tokio::test]
+async fn a_hundred_numbers_in_a_row_are_skipped() {
+    let (mut strangers, mut first) = (Vec::new(), 0);
+    while strangers.len() < 100 {
+        strangers.clear();
+        first = stranger_with_room(120).1;
+        let numbers = first..first + 100;
+        let listen = |number| std::net::TcpListener::bind(("0.0.0.0", number));
+        strangers.extend(numbers.map_while(|number| listen(number).ok()));
+    }
+    let options = ServerOptions::default().at("127.0.0.1", 0);
+    let server = Server::start(options.port_range(first..=first + 120))
+        .await
+        .unwrap();
+    let network = server.network();
+    let port = Port::open(&network, "/p", PortOptions::new())
+        .await
+        .unwrap();
+    assert!(port.tcp_port() >= first + 100, "{}", port.tcp_port());
+    let names = server.registrations();
+    assert_eq!(names.len(), 3, "{names:?}");
+}
+
 #[tokio::test]
 async fn anonymous_names_are_kept_when_their_number_is_in_use() {
     // It was handed out in between, and returned.
@@ -78,9 +104,14 @@ async fn nothing_outside_the_range_is_used() {
     let error = Port::open(&network, "/p", PortOptions::new())
         .await
         .unwrap_err();
+    let PortError::Listen { number, source, .. } = &error else {
+        panic!("{error:?}");
+    };
+    assert_eq!((*number, source.kind()), (only, ErrorKind::AddrInUse));
+    let text = source.to_string();
     assert!(
-        matches!(error, PortError::Listen { number, .. } if number == only),
-        "{error:?}"
+        text.contains("so are 0 other TCP ports") && text.contains(&format!("{only}")),
+        "the server's reason to assign no other: {text}"
     );
     assert!(
         network.query("/p").await.is_err(),

@@ -238,6 +238,29 @@ impl PortError {
         matches!(self, Self::Listen { source, .. } if source.kind() == io::ErrorKind::AddrInUse)
     }
 
+    /// Adds to an error of listening how many other TCP ports were tried, and why no more; returns
+    /// other errors unchanged.
+    pub(crate) fn after_attempts(self, tried: usize, end: &str) -> Self {
+        match self {
+            Self::Listen {
+                name,
+                number,
+                source,
+            } => {
+                let text = format!(
+                    "{source}; so are {tried} other TCP ports that the name server assigned ({end})"
+                );
+                let source = io::Error::new(source.kind(), text);
+                Self::Listen {
+                    name,
+                    number,
+                    source,
+                }
+            }
+            other => other,
+        }
+    }
+
     /// Returns the error chain on one line: this error and its sources.
     pub fn error_chain(&self) -> String {
         error_chain(self)

@@ -54,8 +54,8 @@ pub use port::{
     AdminHandler, Answer, ConnectionChange, ConnectionCounters, ConnectionLimits,
     ConnectionObserver, ConnectionState, Envelope, Handler, Monitor, MonitorError, MonitorFactory,
     MonitorSetup, MonitorSide, Page, Pages, Passing, Port, PortCounters, PortOptions, Queue,
-    Reader, Received, ReconnectOptions, ReconnectingConnection, Reply, Traffic, run_large,
-    wait_for_dropped_ports,
+    Reader, Received, ReconnectOptions, ReconnectingConnection, Reply, SharedText, Traffic,
+    run_large, wait_for_dropped_ports,
 };
 pub use port::{built_in as built_in_monitor, built_in_names as built_in_monitors, modifier_names};
 #[cfg(feature = "tls")]

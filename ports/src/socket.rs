@@ -268,9 +268,9 @@ pub(crate) async fn read_exactly(
 }
 
 /// Writes what the system takes without waiting.
-pub(crate) fn write_now(stream: &Socket, output: &mut BytesMut) -> io::Result<()> {
-    while !output.is_empty() {
-        match stream.try_write(output) {
+pub(crate) fn write_now(stream: &Socket, output: &mut impl Buf) -> io::Result<()> {
+    while output.has_remaining() {
+        match stream.try_write(output.chunk()) {
             Ok(0) => return Err(io::ErrorKind::WriteZero.into()),
             Ok(written) => output.advance(written),
             Err(error) if error.kind() == io::ErrorKind::WouldBlock => return Ok(()),
@@ -288,14 +288,31 @@ pub(crate) fn write_part(stream: &Socket, output: &mut BytesMut) -> io::Result<(
     Ok(())
 }
 
+/// Bytes of a large output that are written before other tasks run. Many peers that are sent much at a time would otherwise keep
+/// those waiting who are sent little: the system takes megabytes at once.
+const WRITE_SHARE: usize = 64 * 1024;
+
+/// Writes what the system takes without waiting, in shares between which other tasks run.
+pub(crate) async fn write_in_shares(stream: &Socket, output: &mut impl Buf) -> io::Result<()> {
+    while output.has_remaining() {
+        let share = output.remaining().min(WRITE_SHARE);
+        let mut share = output.take(share);
+        write_now(stream, &mut share)?;
+        if share.has_remaining() {
+            break;
+        }
+        tokio::task::yield_now().await;
+    }
+    Ok(())
+}
+
 /// Writes all of `output` and empties it.
-pub(crate) async fn write_all(stream: &Socket, output: &mut BytesMut) -> io::Result<()> {
+pub(crate) async fn write_all(stream: &Socket, output: &mut impl Buf) -> io::Result<()> {
     write_now(stream, output)?;
-    while !output.is_empty() {
+    while output.has_remaining() {
         stream.writable().await?;
         write_now(stream, output)?;
     }
-    output.clear();
     Ok(())
 }
 
@@ -318,7 +335,38 @@ pub(crate) async fn within<T>(
 
 #[cfg(test)]
 mod tests {
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    use bytes::Bytes;
+
     use super::*;
+
+    /// A hundred peers who were sent megabytes kept others waiting for a tenth of a second.
+    #[tokio::test]
+    async fn other_tasks_run_between_the_shares_of_a_large_output() {
+        let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let address = listener.local_addr().unwrap();
+        let (accepted, connected) = tokio::join!(listener.accept(), TcpStream::connect(address));
+        let (stream, _peer) = (
+            Socket::Tcp(Tcp::new(accepted.unwrap().0)),
+            connected.unwrap(),
+        );
+        let turns = Arc::new(AtomicUsize::new(0));
+        let counted = turns.clone();
+        let other = tokio::spawn(async move {
+            loop {
+                counted.fetch_add(1, Ordering::Relaxed);
+                tokio::task::yield_now().await;
+            }
+        });
+        let mut output = Bytes::from(vec![0; 64 << 20]);
+        write_in_shares(&stream, &mut output).await.unwrap();
+        let sent = (64 << 20) - output.len();
+        let shares = sent / (64 << 10);
+        assert!(sent > 0 && !output.is_empty(), "{sent}");
+        assert!(turns.load(Ordering::Relaxed) >= shares, "{shares} shares");
+        other.abort();
+    }
 
     #[tokio::test]
     async fn a_prepared_connection_sends_at_once_and_probes_an_idle_peer() {

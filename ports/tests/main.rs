@@ -34,6 +34,7 @@ mod queues;
 mod reconnecting;
 mod reverse_connections;
 mod serialised_once;
+mod shared_replies;
 mod shmem_carrier;
 mod slow_writer;
 mod stuck_reader;

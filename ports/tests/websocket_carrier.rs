@@ -12,7 +12,7 @@ const REQUEST: &str = "GET /?ws HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocke
 const RESPONSE: &str = "HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\n\
     Connection: Upgrade\r\nSec-WebSocket-Accept: s3pPLMBiTxaQ9kYGzzhZRbK+xOo=\r\n\r\n";
 
-async fn page(port: &Port) -> Raw {
+pub(crate) async fn page(port: &Port) -> Raw {
     let mut raw = Raw::to(port).await;
     raw.send(REQUEST).await;
     raw.expect(RESPONSE).await;
@@ -20,7 +20,7 @@ async fn page(port: &Port) -> Raw {
 }
 
 /// Returns a short frame as a browser sends it, under a mask that changes nothing.
-fn frame(first: u8, body: &[u8]) -> Vec<u8> {
+pub(crate) fn frame(first: u8, body: &[u8]) -> Vec<u8> {
     assert!(body.len() < 126);
     [&[first, 0x80 | body.len() as u8, 0, 0, 0, 0], body].concat()
 }
@@ -34,7 +34,7 @@ fn block(letter: u8) -> [u8; 8] {
     [0, 0, 0, 0, b'~', letter, 0, 1]
 }
 
-fn message(letter: u8, content: &Bottle) -> Vec<u8> {
+pub(crate) fn message(letter: u8, content: &Bottle) -> Vec<u8> {
     let content = content.encode(WireVersion::V3);
     frame(0x82, &[&block(letter)[..], &content].concat())
 }

@@ -10,7 +10,7 @@ use std::net::{IpAddr, SocketAddrV4};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use bytes::BytesMut;
+use bytes::{Bytes, BytesMut};
 use tokio::net::TcpStream;
 use yarp_wire::carrier::Sender;
 use yarp_wire::connection::{Acceptor, Event, ProtocolError};
@@ -169,6 +169,8 @@ const FIRST_REPLY_DELAY: Duration = Duration::from_millis(1);
 
 /// Bytes of answers above which they are sent before the next request is looked at.
 const UNSENT: usize = 128 * 1024;
+/// Time for which a peer may read nothing of a text that other connections hold, too.
+const SHARED_TEXT_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// The reason for the end of a connection.
 pub(super) enum End {
@@ -490,6 +492,20 @@ impl Connection {
         // The memory of a large reply does not stay with the connection.
         self.output = BytesMut::new();
         Ok(())
+    }
+
+    /// Sends the output and then a text that other connections hold, too.
+    async fn write_shared(&mut self, mut text: Bytes) -> Result<(), End> {
+        self.write_output().await?;
+        loop {
+            socket::write_in_shares(&self.stream, &mut text).await?;
+            if text.is_empty() {
+                return Ok(());
+            }
+            let room = tokio::time::timeout(SHARED_TEXT_TIMEOUT, self.stream.writable()).await;
+            let unread = "it reads nothing of a large reply that others wait for";
+            room.map_err(|_| End::Full(unread))??;
+        }
     }
 
     /// Takes note of how much of a message has arrived; tells whether the process has room for it.

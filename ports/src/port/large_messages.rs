@@ -4,7 +4,8 @@
 //! against a budget of the process, by an upper bound that is known before they are read.
 
 use std::sync::LazyLock;
-use std::time::Duration;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
 
 use tokio::runtime::{Handle, RuntimeFlavor};
 use tokio::sync::{Semaphore, SemaphorePermit};
@@ -44,16 +45,56 @@ pub(crate) fn takes_long(payload: &Payload) -> bool {
     !is_small(payload) && takes_long()
 }
 
-/// Waits until it is the turn of a large message to be handled. The turn ends when the permit is dropped.
-///
-/// A connection that waits needs no thread. Beyond [`TURN_TIMEOUT`] there is no permit, and the message is handled nevertheless.
-async fn turn() -> Option<SemaphorePermit<'static>> {
-    turn_within(TURN_TIMEOUT).await
+/// Messages that wait for their turn.
+static WAITING: AtomicUsize = AtomicUsize::new(0);
+
+/// The turn of a large message, from the moment it comes.
+struct Turn {
+    /// None if the message waited for too long, and is handled nevertheless.
+    permit: Option<SemaphorePermit<'static>>,
+    begin: Instant,
 }
 
-async fn turn_within(timeout: Duration) -> Option<SemaphorePermit<'static>> {
-    let permit = tokio::time::timeout(timeout, TURNS.acquire()).await;
-    permit.ok()?.ok()
+impl Turn {
+    /// Waits until it is the turn of a large message to be handled.
+    ///
+    /// A connection that waits needs no thread. The wait ends after [`TURN_TIMEOUT`].
+    async fn wait() -> Self {
+        Self::wait_within(TURN_TIMEOUT).await
+    }
+
+    async fn wait_within(timeout: Duration) -> Self {
+        WAITING.fetch_add(1, Ordering::Relaxed);
+        let _waiting = Waiting;
+        let permit = tokio::time::timeout(timeout, TURNS.acquire()).await;
+        Self {
+            permit: permit.ok().and_then(Result::ok),
+            begin: Instant::now(),
+        }
+    }
+
+    /// Ends the turn. The next one comes at once if no message waits for it, else after a rest as long as this one: many peers that
+    /// ask for much take at most half of the time of those who ask for little.
+    fn end(self) {
+        if let Some(permit) = self.permit
+            && WAITING.load(Ordering::Relaxed) > 0
+        {
+            let rest = self.begin.elapsed();
+            tokio::spawn(async move {
+                tokio::time::sleep(rest).await;
+                drop(permit);
+            });
+        }
+    }
+}
+
+/// Counts a message as waiting until it is dropped, as it is with a connection that ends.
+struct Waiting;
+
+impl Drop for Waiting {
+    fn drop(&mut self) {
+        WAITING.fetch_sub(1, Ordering::Relaxed);
+    }
 }
 
 /// Does work on so many bytes of a message; if they are many, in a way that lets another thread see to the other tasks
@@ -74,11 +115,13 @@ pub(crate) fn long_work<T>(bytes: usize, work: impl FnOnce() -> T) -> T {
 ///
 /// For owners whose replies are large: the list of a large network.
 pub async fn run_large<T>(bytes: usize, work: impl FnOnce() -> T) -> T {
-    let _turn = match bytes > LONG_WORK {
-        true => Box::pin(turn()).await,
-        false => None,
-    };
-    long_work(bytes, work)
+    if bytes <= LONG_WORK {
+        return work();
+    }
+    let turn = Box::pin(Turn::wait()).await;
+    let result = long_work(bytes, work);
+    turn.end();
+    result
 }
 
 /// Returns a reservation of the bytes that the values of a message of `length` bytes take; none if the message is small.
@@ -183,20 +226,43 @@ mod tests {
         ])))));
     }
 
-    #[tokio::test]
-    async fn nobody_waits_forever_for_a_turn() {
-        let short = Duration::from_millis(20);
+    /// Takes all turns.
+    async fn take_all(timeout: Duration) -> Vec<Turn> {
         let mut taken = Vec::new();
-        while let Some(permit) = turn_within(short).await {
-            taken.push(permit);
+        loop {
+            let turn = Turn::wait_within(timeout).await;
+            match turn.permit {
+                Some(_) => taken.push(turn),
+                None => return taken,
+            }
         }
+    }
+
+    // One test, as the turns are those of the process.
+    #[tokio::test]
+    async fn turns_come_in_time_and_after_a_rest() {
+        let short = Duration::from_millis(20);
+        let mut taken = take_all(short).await;
         assert!(!taken.is_empty());
         assert_eq!(run_large(LONG_WORK, || 1).await, 1);
         let mut large = std::pin::pin!(run_large(LONG_WORK + 1, || 2));
         let early = tokio::time::timeout(short, &mut large).await;
         assert!(early.is_err(), "large work was done out of turn");
-        drop(taken.pop());
+        let end_after_work = |mut turn: Turn| {
+            turn.begin -= Duration::from_millis(100);
+            turn.end();
+            TURNS.available_permits()
+        };
+        let turn = taken.pop().unwrap();
+        assert_eq!(end_after_work(turn), 0, "somebody waits, after a rest");
         assert_eq!(large.await, 2);
-        assert!(turn_within(short).await.is_some());
+        let turn = Turn::wait_within(short).await;
+        assert!(turn.permit.is_some());
+        assert_eq!(end_after_work(turn), 1, "nobody waits: there is no rest");
+        // Those who gave up do not wait.
+        taken.extend(take_all(short).await);
+        let turn = taken.pop().unwrap();
+        assert_eq!(end_after_work(turn), 1);
+        assert!(Turn::wait_within(short).await.permit.is_some());
     }
 }

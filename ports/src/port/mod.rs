@@ -66,6 +66,7 @@ mod received_message;
 mod reconnecting;
 mod reply_channel;
 mod send_queue;
+mod shared_text;
 mod socket_handle;
 mod socket_qos;
 mod tcp_listener;
@@ -110,6 +111,7 @@ pub use port_options::{
 pub use receive_queue::Queue;
 pub use received_message::{Answer, Received, Reply};
 pub use reconnecting::{ConnectionState, ReconnectOptions, ReconnectingConnection};
+pub use shared_text::SharedText;
 
 /// A reader of a port, for [`Port::try_write_to`].
 #[derive(Clone, Copy, Debug)]

@@ -24,9 +24,9 @@ use crate::network::{Endpoint, Network};
 use crate::port_limits::{self, ACCEPT_LOG_INTERVAL};
 use crate::socket;
 
-/// Maximum number of TCP ports tried if the assigned one is used by a program that the name server
-/// does not know.
-const MAX_BIND_ATTEMPTS: usize = 32;
+/// Maximum number of other TCP ports tried if the assigned one is used by a program that the name
+/// server does not know. Another name server with a robot's ports may use a hundred in a row.
+const MAX_BIND_ATTEMPTS: usize = 512;
 
 /// Backlogs of the listening socket: of a port with connection limits, of other ports (stock has
 /// one), and while throttling. A peer that finds the backlog full retries, after a second at first.
@@ -62,6 +62,8 @@ pub(super) fn bind(
 ///
 /// A server assigns a name its previous number, so numbers are requested under temporary names.
 /// Numbers outside the server's choice are not used: they may be unreachable.
+///
+/// Errors: `taken`, with what became of the attempts.
 pub(super) async fn bind_other_port(
     network: &Network,
     name: &str,
@@ -70,9 +72,14 @@ pub(super) async fn bind_other_port(
 ) -> Result<(Endpoint, TcpListener), PortError> {
     let mut result = Err(taken);
     let mut invented = Vec::new();
+    let mut end = "no more were tried".to_owned();
     while result.is_err() && invented.len() < MAX_BIND_ATTEMPTS {
-        let Ok(given) = network.register_one(RegisterRequest::named("...")).await else {
-            break;
+        let given = match network.register_one(RegisterRequest::named("...")).await {
+            Ok(given) => given,
+            Err(error) => {
+                end = error.error_chain();
+                break;
+            }
         };
         invented.push(given.name);
         if let Ok(listener) = bind(name, given.port, options) {
@@ -96,7 +103,7 @@ pub(super) async fn bind_other_port(
         // A leftover would be a superfluous name, no more.
         let _ = network.unregister(name).await;
     }
-    result
+    result.map_err(|error| error.after_attempts(invented.len(), &end))
 }
 
 fn is_out_of_descriptors(error: &io::Error) -> bool {

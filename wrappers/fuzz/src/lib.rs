@@ -222,7 +222,7 @@ pub fn gaze(data: &[u8]) {
             continue;
         };
         let _ = gaze_messages::from_event(&bottle);
-        let Some(GazeReply::Done(values)) = GazeReply::read(bottle) else {
+        let Some(GazeReply::Done(values)) = GazeReply::read(&bottle) else {
             continue;
         };
         let _ = (values.number(), values.flag(), values.id(), values.range());

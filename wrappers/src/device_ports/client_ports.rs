@@ -218,6 +218,57 @@ impl RemotePorts {
         reply.map_err(|error| self.lost(message, error))
     }
 
+    /// Sends a message from a port to the server's port `suffix`, without waiting for a reply; `step` says what for.
+    ///
+    /// Errors: [`DeviceError::Remote`] without a connection.
+    pub(crate) async fn write(
+        &self,
+        port: usize,
+        suffix: &str,
+        message: &Bottle,
+        step: &str,
+    ) -> Result<(), DeviceError> {
+        match self.ports[port].write_strict(message, None).await {
+            0 => Err(DeviceError::Remote {
+                peer: self.remote_port(suffix),
+                step: format!("{step}`{}`", to_text(message)),
+                advice: "again in a second; the connection is being made anew".to_owned(),
+                source: None,
+            }),
+            _ => Ok(()),
+        }
+    }
+
+    /// Checks the version of the protocol that the server reports.
+    ///
+    /// A server that reports another version is not compatible; one that reports none is, as in stock.
+    pub(crate) fn check_version(
+        &self,
+        version: &str,
+        is_known: bool,
+        expected: &str,
+    ) -> Result<(), OpenError> {
+        if version.is_empty() {
+            tracing::warn!(
+                remote = self.remote(),
+                "the {} does not report its version",
+                self.device
+            );
+            return Ok(());
+        }
+        if is_known {
+            return Ok(());
+        }
+        Err(OpenError::Query {
+            question: "the version of the protocol that is expected",
+            source: DeviceError::Unsuitable {
+                what: "version",
+                asked: version.to_owned(),
+                expected: expected.to_owned(),
+            },
+        })
+    }
+
     /// Returns the error for a request without a reply.
     pub(crate) fn lost(&self, message: &impl WireObject, error: PortError) -> DeviceError {
         let step = format!("`{}`", to_text(message));

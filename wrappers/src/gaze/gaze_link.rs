@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use yarp_devices::{DeviceError, GazeInfo, GazeTarget};
+use yarp_devices::{DeviceError, GazeTarget};
 use yarp_ports::{Network, PortOptions, Received};
 use yarp_wire::Bottle;
 
@@ -88,7 +88,10 @@ impl GazeLink {
             question: "its version",
             source,
         })?;
-        self.check_version(&info)?;
+        let version = info.server_version.as_str();
+        let is_known = VERSIONS.contains(&version);
+        self.ports
+            .check_version(version, is_known, &VERSIONS.join(" or "))?;
         for (port, (_, remote)) in TARGETS.into_iter().enumerate() {
             self.ports.connect(port, remote).await?;
         }
@@ -106,28 +109,6 @@ impl GazeLink {
             .await
     }
 
-    /// A controller that reports another version is not compatible; one that reports none is, as in stock.
-    fn check_version(&self, info: &GazeInfo) -> Result<(), OpenError> {
-        match info.server_version.as_str() {
-            known if VERSIONS.contains(&known) => Ok(()),
-            "" => {
-                tracing::warn!(
-                    remote = self.ports.remote(),
-                    "the gaze controller does not report its version"
-                );
-                Ok(())
-            }
-            other => Err(OpenError::Query {
-                question: "the version of the protocol that is expected",
-                source: DeviceError::Unsuitable {
-                    what: "version",
-                    asked: other.to_owned(),
-                    expected: VERSIONS.join(" or "),
-                },
-            }),
-        }
-    }
-
     /// Sends a request, and waits for the reply.
     ///
     /// Errors: [`DeviceError::Unsuitable`] for numbers that are not finite, [`DeviceError::Refused`],
@@ -135,14 +116,13 @@ impl GazeLink {
     pub(super) async fn ask(&self, request: &Bottle) -> Result<GazeValues, DeviceError> {
         check_finite(request)?;
         let reply = self.ports.call(request).await?;
-        let text = quoted(&reply);
-        match GazeReply::read(reply) {
+        match GazeReply::read(&reply) {
             Some(GazeReply::Done(values)) => Ok(values),
             Some(GazeReply::Refused) => {
                 let advice = "the log of iKinGazeCtrl";
                 Err(self.ports.refused(to_text(request), advice))
             }
-            None => Err(self.unreadable(request, &text)),
+            None => Err(self.unreadable(request, &quoted(&reply))),
         }
     }
 
@@ -177,15 +157,10 @@ impl GazeLink {
             GazeTarget::Pixel { .. } | GazeTarget::PixelWithVergence { .. } => 2,
             GazeTarget::StereoPixels { .. } => 3,
         };
-        match self.ports.port(port).write_strict(&message, None).await {
-            0 => Err(DeviceError::Remote {
-                peer: self.ports.remote_port(TARGETS[port].1),
-                step: format!("sending the target `{}`", to_text(&message)),
-                advice: "again in a second; the connection is being made anew".to_owned(),
-                source: None,
-            }),
-            _ => Ok(()),
-        }
+        let suffix = TARGETS[port].1;
+        self.ports
+            .write(port, suffix, &message, "sending the target ")
+            .await
     }
 }
 

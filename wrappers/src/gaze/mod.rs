@@ -36,7 +36,7 @@ mod remote_gaze_interface;
 mod remote_gaze_options;
 
 use std::collections::BTreeSet;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::Mutex;
 
 use yarp_devices::Device;
 use yarp_ports::{Network, blocking};
@@ -44,7 +44,7 @@ use yarp_ports::{Network, blocking};
 use self::gaze_link::GazeLink;
 use self::messages::gaze_request;
 use crate::OpenError;
-use crate::device_ports::{Link, SharedLink};
+use crate::device_ports::{Link, SharedLink, lock};
 pub use remote_gaze_options::RemoteGazeOptions;
 
 /// The gaze controller of a head in another program, as iCub's `gazecontrollerclient` casts it.
@@ -140,8 +140,4 @@ impl Drop for RemoteGazeControl {
 
 impl Device for RemoteGazeControl {
     yarp_devices::offers! { gaze_control: GazeControl }
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -8,9 +8,10 @@ use yarp_devices::{
 };
 use yarp_wire::Bottle;
 
+use super::RemoteGazeControl;
 use super::messages::GazeValues;
 use super::messages::gaze_request::{self as request, get, set_flag, set_number, set_options};
-use super::{RemoteGazeControl, lock};
+use crate::device_ports::lock;
 use crate::wait_first_value;
 
 /// Place of the vergence among the joints of the head; those of the neck are the first.
@@ -315,6 +316,6 @@ impl GazeControl for RemoteGazeControl {
     }
 
     fn events(&self) -> Result<Receiver<GazeEvent>, DeviceError> {
-        Ok(self.link.latest.listen())
+        Ok(self.link.latest.events.listen())
     }
 }

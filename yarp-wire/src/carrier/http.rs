@@ -85,6 +85,10 @@ impl Protocol for Http {
         let chunk = html_page::chunk(&String::from_utf8_lossy(&text));
         output.put_slice(chunk.as_bytes());
     }
+
+    fn frames_replies(&self) -> bool {
+        true
+    }
 }
 
 /// Takes requests.

@@ -91,6 +91,10 @@ impl Protocol for Websocket {
         output.put_slice(&reply);
     }
 
+    fn frames_replies(&self) -> bool {
+        true
+    }
+
     fn replies_to_close(&self) -> bool {
         true
     }

@@ -3,7 +3,7 @@
 use std::net::SocketAddrV4;
 use std::sync::Arc;
 
-use bytes::BytesMut;
+use bytes::{Bytes, BytesMut};
 
 use super::{Initiator, put_acknowledgement};
 use crate::bottle::detect;
@@ -194,6 +194,17 @@ impl Acceptor {
             carrier
                 .protocol
                 .put_reply(object, self.wire_version, output);
+        }
+    }
+
+    /// Returns the reply of [`reply`](Self::reply) as bytes that are not copied, if it is a
+    /// [shared text](WireObject::shared_text) and no frame is around it.
+    pub fn shared_reply(&self, object: &dyn WireObject) -> Option<Bytes> {
+        match &self.state {
+            State::Open(carrier, _) if !carrier.protocol.frames_replies() => {
+                object.shared_text().cloned()
+            }
+            _ => None,
         }
     }
 

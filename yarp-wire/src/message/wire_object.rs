@@ -1,5 +1,7 @@
 //! Objects that can travel as a payload.
 
+use std::sync::Arc;
+
 use bytes::{BufMut, Bytes, BytesMut};
 
 use crate::bottle::{Bottle, DecodeError};
@@ -31,6 +33,11 @@ pub trait WireObject {
             bottle.print_into(out);
         }
         out.put_slice(b"\n");
+    }
+
+    /// Returns the bytes, if this is a text that is sent unchanged on every carrier, and that many replies share.
+    fn shared_text(&self) -> Option<&Bytes> {
+        None
     }
 }
 
@@ -75,6 +82,24 @@ impl ReadObject for Bottle {
 
     fn max_read_size(payload: &Payload) -> usize {
         payload.max_bottle_size()
+    }
+}
+
+impl<T: WireObject + ?Sized> WireObject for Arc<T> {
+    fn write_binary(&self, out: &mut BytesMut, wire_version: WireVersion) {
+        (**self).write_binary(out, wire_version);
+    }
+
+    fn write_pieces(&self, out: &mut Pieces, wire_version: WireVersion) {
+        (**self).write_pieces(out, wire_version);
+    }
+
+    fn write_text(&self, out: &mut BytesMut) {
+        (**self).write_text(out);
+    }
+
+    fn shared_text(&self) -> Option<&Bytes> {
+        (**self).shared_text()
     }
 }
 

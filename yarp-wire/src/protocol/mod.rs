@@ -91,6 +91,11 @@ pub trait Protocol: fmt::Debug + Sync {
         self.put_object(object, wire_version, output);
     }
 
+    /// Returns whether a reply is more than the object alone.
+    fn frames_replies(&self) -> bool {
+        false
+    }
+
     /// Appends an acknowledgement, on a carrier that has them.
     fn put_acknowledgement(&self, _output: &mut BytesMut) {}
 

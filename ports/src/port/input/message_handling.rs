@@ -6,7 +6,7 @@ use yarp_wire::Bottle;
 use yarp_wire::connection::Message;
 use yarp_wire::message::{Command, Payload};
 
-use super::{Connection, End, Next};
+use super::{Connection, End, Next, UNSENT};
 use crate::port::admin_reply;
 use crate::port::dispatch::Dispatched;
 use crate::port::large_messages::{read_bottle, run_large, takes_long};
@@ -80,9 +80,17 @@ impl Connection {
     pub(super) async fn handle_rest(&mut self, left: Step) -> Next {
         let next = match left {
             Step::Done(next) => return next,
-            Step::Dispatch(dispatch, reply) => {
-                let answer = self.finish(dispatch).await;
-                self.answer(answer, reply)
+            Step::Dispatch(dispatch, wants_reply) => {
+                let (reply, last) = self.finish(dispatch).await;
+                let shared = |reply: &Reply| self.acceptor.shared_reply(&**reply);
+                let shared = reply.as_ref().filter(|_| wants_reply).and_then(shared);
+                match shared.filter(|text| text.len() > UNSENT) {
+                    Some(text) => match Box::pin(self.write_shared(text)).await {
+                        Err(end) => return Next::Stop(end),
+                        Ok(()) => self.answer((None, last), false),
+                    },
+                    None => self.answer((reply, last), wants_reply),
+                }
             }
             // The peer has no right to write.
             Step::Command(Command::Data { reply, .. }, _) => {

@@ -9,7 +9,7 @@
 
 use std::sync::Arc;
 
-use yarp_devices::{CartesianInfo, DeviceError};
+use yarp_devices::DeviceError;
 use yarp_ports::{Network, PortOptions};
 use yarp_wire::Bottle;
 
@@ -76,7 +76,10 @@ impl ToolLink {
         let info = self
             .question(Query::Info, "its version", Values::info)
             .await?;
-        self.check_version(&info)?;
+        let version = info.server_version.as_str();
+        let is_known = CartesianVersion::from_text(version).is_some();
+        self.ports
+            .check_version(version, is_known, "2.0, or 1.1 of older ones")?;
         self.ports.connect(COMMAND, "command:i").await?;
         let newest = &self.latest.newest;
         self.ports
@@ -90,28 +93,6 @@ impl ToolLink {
             false => Err(OpenError::Query {
                 question: "that its solver is there",
                 source: self.refused(&Request::Get(Query::IsOn).to_bottle()),
-            }),
-        }
-    }
-
-    /// A server that reports another version is not compatible; one that reports none is, as in stock.
-    fn check_version(&self, info: &CartesianInfo) -> Result<(), OpenError> {
-        match info.server_version.as_str() {
-            known if CartesianVersion::from_text(known).is_some() => Ok(()),
-            "" => {
-                tracing::warn!(
-                    remote = self.ports.remote(),
-                    "the server does not report its version"
-                );
-                Ok(())
-            }
-            other => Err(OpenError::Query {
-                question: "the version of the protocol that is expected",
-                source: DeviceError::Unsuitable {
-                    what: "version",
-                    asked: other.to_owned(),
-                    expected: "2.0, or 1.1 of older ones".to_owned(),
-                },
             }),
         }
     }
@@ -167,14 +148,6 @@ impl ToolLink {
     /// Sends a command without a reply.
     pub(super) async fn order(&self, request: &Request) -> Result<(), DeviceError> {
         let message = request.to_bottle();
-        match self.ports.port(COMMAND).write_strict(&message, None).await {
-            0 => Err(DeviceError::Remote {
-                peer: self.ports.remote_port("command:i"),
-                step: format!("`{}`", to_text(&message)),
-                advice: "again in a second; the connection is being made anew".to_owned(),
-                source: None,
-            }),
-            _ => Ok(()),
-        }
+        self.ports.write(COMMAND, "command:i", &message, "").await
     }
 }

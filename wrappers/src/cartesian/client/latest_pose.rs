@@ -1,7 +1,6 @@
 //! The newest pose received, and the listeners of events.
 
-use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use yarp_devices::clock;
@@ -10,20 +9,13 @@ use yarp_ports::Received;
 use yarp_wire::float_vector::Vector;
 
 use crate::cartesian::messages::from_event;
-use crate::device_ports::LatestValue;
-
-/// Maximum number of queued events for a listener that does not read.
-const MAX_QUEUED_EVENTS: usize = 256;
+use crate::device_ports::{EventListeners, LatestValue};
 
 /// Written by the streams of a server and read by callers.
 #[derive(Debug)]
 pub(super) struct LatestPose {
     pub(super) newest: Arc<LatestValue<StampedPose>>,
-    listeners: Mutex<Vec<SyncSender<CartesianEvent>>>,
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+    pub(super) events: EventListeners<CartesianEvent>,
 }
 
 impl LatestPose {
@@ -31,7 +23,7 @@ impl LatestPose {
     pub(super) fn new(max_age: Duration) -> Self {
         Self {
             newest: Arc::new(LatestValue::new("pose of the tool", max_age)),
-            listeners: Mutex::default(),
+            events: EventListeners::new(),
         }
     }
 
@@ -47,21 +39,13 @@ impl LatestPose {
         self.newest.store(StampedPose { pose, time });
     }
 
-    /// Processes an event, and notifies listeners.
+    /// Hands an event to the listeners.
     pub(super) fn take_event(&self, received: &Received) {
         let Some(event) = received.bottle().ok().as_ref().and_then(from_event) else {
             tracing::warn!(from = %received.from, "not an event of a tool");
             return;
         };
-        lock(&self.listeners).retain(|listener| {
-            !matches!(listener.try_send(event), Err(TrySendError::Disconnected(_)))
-        });
-    }
-
-    pub(super) fn listen(&self) -> Receiver<CartesianEvent> {
-        let (sender, receiver) = sync_channel(MAX_QUEUED_EVENTS);
-        lock(&self.listeners).push(sender);
-        receiver
+        self.events.announce(&event);
     }
 
     /// Returns the arrival time of the newest pose.

@@ -21,7 +21,7 @@ use yarp_ports::{Network, blocking};
 use self::cartesian_link::ToolLink;
 use super::messages::Request;
 use crate::OpenError;
-use crate::device_ports::{Link, SharedLink};
+use crate::device_ports::{Link, SharedLink, lock};
 pub use remote_cartesian_options::RemoteCartesianOptions;
 
 /// The tool of an arm in another program, as iCub's `cartesiancontrollerclient` casts it.
@@ -87,11 +87,8 @@ impl RemoteCartesianControl {
 
 impl Drop for RemoteCartesianControl {
     fn drop(&mut self) {
-        let contexts = remote_cartesian_interface::lock(&self.contexts)
-            .iter()
-            .copied()
-            .collect::<Vec<_>>();
-        let checkpoints = remote_cartesian_interface::lock(&self.checkpoints).clone();
+        let contexts = lock(&self.contexts).iter().copied().collect::<Vec<_>>();
+        let checkpoints = lock(&self.checkpoints).clone();
         let forget = (!contexts.is_empty()).then_some(Request::Delete(Some(contexts)));
         let requests: Vec<Request> = forget
             .into_iter()

@@ -1,7 +1,6 @@
 //! Implements the interface with messages.
 
 use std::sync::mpsc::Receiver;
-use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -13,14 +12,11 @@ use yarp_devices::{
 use super::RemoteCartesianControl;
 use crate::cartesian::messages::cartesian_reply::Values;
 use crate::cartesian::messages::{Query, Request, Setting};
+use crate::device_ports::lock;
 
 /// Interval between checks for a pose with the new tip, and their maximum duration.
 const POLL_INTERVAL: Duration = Duration::from_millis(5);
 const MAX_POLL_TIME: Duration = Duration::from_secs(1);
-
-pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
 
 impl RemoteCartesianControl {
     /// Sends a request, and waits for the reply. Not generic, so that its task is compiled once.
@@ -244,6 +240,6 @@ impl CartesianControl for RemoteCartesianControl {
     }
 
     fn events(&self) -> Result<Receiver<CartesianEvent>, DeviceError> {
-        Ok(self.link.latest.listen())
+        Ok(self.link.latest.events.listen())
     }
 }

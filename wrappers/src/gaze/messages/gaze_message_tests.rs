@@ -24,7 +24,7 @@ fn parsed(text: &str) -> Bottle {
 }
 
 fn values(text: &str) -> GazeValues {
-    match GazeReply::read(parsed(text)) {
+    match GazeReply::read(&parsed(text)) {
         Some(GazeReply::Done(values)) => values,
         other => panic!("{text}: {other:?}"),
     }
@@ -35,10 +35,10 @@ fn a_reply_is_yes_or_no() {
     assert_eq!(values("[ack] 1.5").number(), Some(1.5));
     assert_eq!(values("ack 1.5").number(), Some(1.5));
     for refused in ["[nack]", "nack"] {
-        assert_eq!(GazeReply::read(parsed(refused)), Some(GazeReply::Refused));
+        assert_eq!(GazeReply::read(&parsed(refused)), Some(GazeReply::Refused));
     }
     for wrong in ["", "[ok]", "1.5", "(1)", "\"command not recognized\""] {
-        assert_eq!(GazeReply::read(parsed(wrong)), None, "{wrong}");
+        assert_eq!(GazeReply::read(&parsed(wrong)), None, "{wrong}");
     }
 }
 
@@ -117,7 +117,7 @@ proptest! {
                 continue;
             };
             let _ = from_event(&message);
-            if let Some(GazeReply::Done(values)) = GazeReply::read(message) {
+            if let Some(GazeReply::Done(values)) = GazeReply::read(&message) {
                 let _ = (values.number(), values.flag(), values.id(), values.range());
                 let _ = (values.blocked_vergence(), values.list(), values.array::<3>());
                 let _ = (values.angles(), values.pose(), values.options(), values.info());

@@ -22,13 +22,10 @@ pub enum GazeReply {
 
 impl GazeReply {
     /// Reads a reply; `None` for a message that begins with neither word.
-    pub fn read(reply: Bottle) -> Option<Self> {
-        let mut items = reply.into_items();
-        match items.first()?.as_vocab()? {
-            ACK => {
-                items.remove(0);
-                Some(Self::Done(GazeValues(items)))
-            }
+    pub fn read(reply: &Bottle) -> Option<Self> {
+        let (word, values) = reply.as_slice().split_first()?;
+        match word.as_vocab()? {
+            ACK => Some(Self::Done(GazeValues(values.to_vec()))),
             NACK => Some(Self::Refused),
             _ => None,
         }
