@@ -164,8 +164,13 @@ mod tests {
         let texts = [first, second, other, below].map(text_of);
         assert_eq!(texts[0], texts[1]);
         assert_eq!(built.load(Ordering::Relaxed), 3, "{texts:?}");
-        // What changed since then is in the next one.
-        assert!(text_of(ask(from(1), "list").await).starts_with("list 3"));
+        // What changed since then is in the next one, which those share who ask before it is built, and nobody later.
+        let build = || {
+            let awaited = lists.awaited.lock().unwrap();
+            Body::lines([format!("{} wait", awaited.len())])
+        };
+        let next = lists.answer(from(1), "list".to_owned(), LARGE, build);
+        assert!(text_of(next.await).starts_with("0 wait"));
     }
 
     #[tokio::test]
