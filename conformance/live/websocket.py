@@ -255,6 +255,16 @@ CONVERSATIONS = {
 }
 
 
+def wait_until_alone(page, server):
+    """Waits until the port no longer lists the connection over which it was asked for its pages."""
+    def alone():
+        listed = page.answers(block("a") + encoded(b"list", b"in"))
+        server.next()
+        return b"admin" not in listed
+
+    until("the end of other connections", alone)
+
+
 def talk(server):
     """What a port says in all conversations, and what it gets; one connection, and one with each alone."""
     told = {}
@@ -265,6 +275,8 @@ def talk(server):
         for name, (talk, count) in CONVERSATIONS.items():
             if not shared:
                 page = Page(server)
+            if talk is administration:
+                wait_until_alone(page, server)
             said = talk(page)
             # And the question at its end.
             got = [server.next() for _ in range(count + 1)]
