@@ -11,7 +11,7 @@
 #   make idle       what connections cost that are open and at rest
 #   make hour       an hour of the embedded arm at 500 Hz: missed deadlines, ours and the machine's
 #   make bench      ours beside stock YARP, with ratios
-#   make check      formatting, lints, vocabulary and structure of the sources
+#   make check      formatting, lints, links of the documentation, vocabulary and structure of the sources
 #   make deny       licences and sources of the dependencies
 #   make features   builds each library alone, with each of its features
 #   make msrv       checks with the oldest Rust that the manifest promises
@@ -58,6 +58,7 @@ test: setup-vision check
 check: setup-vision
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets $(WORKSPACE_FEATURES) -- -D warnings
+	RUSTDOCFLAGS="-D warnings" cargo doc --no-deps --workspace $(WORKSPACE_FEATURES)
 	conformance/style.py check
 
 # Each crate alone, with each of its features.

@@ -3,7 +3,7 @@
 //! `[INFO] |yarp.os.Port| Port /read active at tcp://127.0.0.1:10002/`: information and below on
 //! standard output, warnings and errors on standard error. Checked against stock 3.5.0.
 //!
-//! A line never makes the thread that reports it wait ([`output`](crate::output)). What others chose, such as the name of a
+//! A line never makes the thread that reports it wait ([`crate::output`]). What others chose, such as the name of a
 //! sender, is printed without control characters and cut to a bounded length ([`foreign_text`]), and what the libraries report
 //! again and again is limited to a rate ([`rate_limit`]).
 

@@ -1,7 +1,7 @@
 //! Measures repeatability, straightness and the state feed: tables 5 and 6 and figure 13 of the thesis, with plots.
 //!
-//! Tables 5 and figure 13 come from [`repeatability`](crate::repeatability) and
-//! [`joint_synchronisation`](crate::joint_synchronisation). For table 6 a reader measures the time between two states of an arm, while the arm moves and
+//! Tables 5 and figure 13 come from [`crate::repeatability`] and
+//! [`crate::joint_synchronisation`]. For table 6 a reader measures the time between two states of an arm, while the arm moves and
 //! while other clients ask it for its position all the time besides.
 
 use std::io::Write;

@@ -72,7 +72,7 @@ pub struct ServerOptions {
     pub tls: Option<Tls>,
     /// Roles that say which peers may look up, register and connect; see [`yarp_ports::roles`].
     pub roles: Roles,
-    /// Permissions of browsers; see [`yarp_wire::http::gate`].
+    /// Permissions of browsers; see [`Gate`].
     pub gate: Option<Gate>,
     /// Maximum age of the data from which queries are answered when names are shared with other
     /// servers and the store does not respond.

@@ -4,7 +4,7 @@
 //! events and bytes come out. Every received length is checked against [`Limits`], and memory grows
 //! only as bytes arrive.
 //!
-//! * [`bottle`]: the values that ports exchange, in binary and in text.
+//! * [`mod@bottle`]: the values that ports exchange, in binary and in text.
 //! * [`vocab`], [`port_name`], [`stamp`], [`framed_number`]: the small elements of the protocol.
 //! * [`carrier`]: one file per carrier, and the one table that lists them.
 //! * [`auth`]: the handshake before a connection, if there is a key.

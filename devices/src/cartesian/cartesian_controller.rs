@@ -72,7 +72,7 @@ impl CartesianOptions {
     }
 }
 
-/// Moves the tool of an arm with `N` joints; see the [module](self).
+/// Moves the tool of an arm with `N` joints.
 ///
 /// Its thread moves the arm only during a motion. Dropping it ends the motion; the arm holds.
 ///

@@ -8,7 +8,7 @@
 //! * A software stop ([`SoftwareStop`](crate::SoftwareStop)): every joint comes to rest and holds, and every command is
 //!   refused until it is released.
 //!
-//! A refusal is a [`DeviceError::Guarded`](crate::DeviceError::Guarded): it names the guard, the joint, the requested
+//! A refusal is a [`crate::DeviceError::Guarded`]: it names the guard, the joint, the requested
 //! and the allowed value. A refused command does not reach the device.
 
 mod default_guards;

@@ -11,8 +11,8 @@
 //!
 //! Below the trait of each interface of control boards stands its description (`describe_...`): a row for each request
 //! that clients send about it. Parsing and printing in both wire versions, the lookup of words and functions, the calls
-//! of the device, the replies, and the methods of the client are generated from these rows. [`describe_board`]
-//! lists the descriptions, [`wholly_described`] those that nothing is added to by hand. The header of a description has the method of [`Device`](crate::Device), the trait, the name
+//! of the device, the replies, and the methods of the client are generated from these rows. `describe_board`
+//! lists the descriptions, `wholly_described` those that nothing is added to by hand. The header of a description has the method of [`Device`](crate::Device), the trait, the name
 //! in YARP 4.0 (empty if it has none), and the name in errors. A row is
 //!
 //! ```text

@@ -7,7 +7,7 @@
 //! host   robot.lab.example
 //! ```
 //!
-//! [`yarp_wire::http::gate`] lists the rights of browsers without this file.
+//! [`Gate`] lists the rights of browsers without this file.
 
 use std::path::Path;
 

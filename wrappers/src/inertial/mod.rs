@@ -4,7 +4,7 @@
 //! NAME   the channels as a bottle of floats, every period; the envelope has the time of the measurement
 //! ```
 //!
-//! With an inertial measurement unit the twelve floats are those of [`ImuChannels`](yarp_devices::sensors::ImuChannels).
+//! With an inertial measurement unit the twelve floats are those of `ImuChannels` of `yarp-devices`.
 //! What the port receives is passed over. Source: `ServerInertial.cpp` of YARP 3.5.
 
 use std::sync::Arc;

@@ -1,7 +1,7 @@
 //! Requests of browsers to ports, and the responses.
 //!
-//! [`browser_gate`] decides which requests are answered. [`RequestReader`] collects a request, [`Action`] says what it asks of the port, [`page`] and
-//! [`json`] are the answers, [`Response`] that of an owner with pages of its own. Source: recorded traffic of 3.12.3 and 4.0.0.
+//! [`browser_gate`] decides which requests are answered. [`RequestReader`] collects a request, [`Action`] says what it asks of the port, [`html_page`] and
+//! [`bottle_json`] are the answers, [`Response`] that of an owner with pages of its own. Source: recorded traffic of 3.12.3 and 4.0.0.
 
 pub mod bottle_json;
 pub mod browser_gate;

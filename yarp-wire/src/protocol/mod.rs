@@ -47,7 +47,7 @@ pub trait Protocol: fmt::Debug + Sync {
     fn payload_kind(&self) -> PayloadKind;
 
     /// Returns what a browser gets that speaks this protocol; `None` if none can. Its requests pass a
-    /// [gate](crate::http::gate) before anything else is done with them.
+    /// [gate](crate::http::Gate) before anything else is done with them.
     fn service(&self) -> Option<Service> {
         None
     }
