@@ -36,6 +36,7 @@ mod requests_over_http;
 mod resource_command;
 mod robotinterface_command;
 mod run_command;
+mod run_terminals;
 mod sample_command;
 mod server_bind_address;
 mod software_stop_ports;

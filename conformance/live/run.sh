@@ -210,6 +210,8 @@ try_servers() {
 
         suite "what servers of commands tell about their machine, server: $server" \
             "$with_stock" "$python" conformance/live/sysinfo.py "$ours"
+        suite "terminals for commands, server: $server" \
+            "$with_stock" "$python" conformance/live/run_terminals.py "$ours"
         suite "port names of a robot with fakes, server: $server" \
             "$with_stock" "$python" conformance/live/robot_port_names.py "$ours"
 

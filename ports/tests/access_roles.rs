@@ -183,6 +183,44 @@ async fn changing_a_port_needs_the_right_to_administer() {
     assert_eq!(ask(&port, "other", "[prop] [get] key").await, "1");
 }
 
+/// Ports of a request to another port are not more open than that, whatever roles say about them.
+#[tokio::test]
+async fn a_port_may_be_for_the_administrators_of_another_one() {
+    let roles = "[a]\nports /server\nfrom /boss boss\nrights administer\n\
+                 [b]\nports /server\nrights read write connect\n[c]\nports /part\nrights all\n";
+    let world = World::with(roles);
+    let part = world
+        .open("/part", reading().administrators_of("/server"))
+        .await;
+    let boss = common::open("/boss", reading()).await;
+    let other = common::open("/other", reading()).await;
+    common::connect(&boss, &part, "tcp").await;
+    within(boss.write(&bottle("hello"))).await;
+    assert_eq!(next(&part).await, "hello");
+    assert!(
+        within(other.connect(&common::at(&part, "tcp")))
+            .await
+            .is_err()
+    );
+    let add = |port: &Port| format!("[add] {}", common::at(port, "tcp"));
+    for (name, reader, expected) in [
+        ("boss", &boss, "0 \"Added connection from /part"),
+        ("boss", &other, "-1 \"not allowed: "),
+        ("other", &boss, "[fail] \"not allowed: "),
+    ] {
+        let answer = ask(&part, name, &add(reader)).await;
+        assert!(answer.starts_with(expected), "{name}: {answer}");
+    }
+    let refused = ask(&part, "other", "[prop] [set] key 1").await;
+    assert!(
+        refused.contains("no right to administer on /server"),
+        "{refused}"
+    );
+    assert_eq!(ask(&part, "boss", "[prop] [set] key 1").await, "[ok]");
+    // Asking what it is remains allowed.
+    assert!(ask(&part, "other", "[ver]").await.starts_with("[ver]"));
+}
+
 #[tokio::test]
 async fn a_changed_file_is_in_force_from_the_next_connection_on() {
     let world = World::with("");

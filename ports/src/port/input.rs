@@ -37,7 +37,7 @@ use crate::latency::Tcp;
 use crate::latency::{BusyPoll, Expecting, Optimisation};
 use crate::log_text::printable;
 use crate::port_limits::{INCOMING_BUDGET, Reservation, SMALL_MESSAGE, UNSENT_BUDGET};
-use crate::roles::{self, Peer, Right, Rights};
+use crate::roles::{Peer, Right, Rights};
 use crate::socket::{self, ReadBuffer, Socket};
 use crate::udp_socket;
 
@@ -537,7 +537,7 @@ impl Connection {
         let roles = self.parts.context.network.roles();
         let generation = roles.generation();
         if self.rights.0 != generation {
-            let mut rights = roles.rights_at_port(&self.parts.context.name, self.peer());
+            let mut rights = self.parts.context.rights(self.peer());
             if self.parts.context.options.allows_any_writer {
                 rights = rights.and(Right::Write.into());
             }
@@ -572,7 +572,7 @@ impl Connection {
 
     /// Returns the refusal for a peer without this right.
     pub(super) fn refusal(&self, right: Right) -> String {
-        roles::refusal(&self.parts.context.name, self.peer(), right)
+        self.parts.context.refusal(self.peer(), right)
     }
 
     /// Waits for a future that may take long. The output so far is sent first: a peer that

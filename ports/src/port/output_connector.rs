@@ -207,10 +207,10 @@ impl Connector {
             name: &endpoint.name,
             address: address.ip(),
         };
-        match roles.rights_at_port(&self.port.name, peer).has(right) {
+        match self.port.rights(peer).has(right) {
             true => Ok(()),
             false => Err(PortError::NotAllowed {
-                text: roles::refusal(&self.port.name, peer, right),
+                text: self.port.refusal(peer, right),
             }),
         }
     }

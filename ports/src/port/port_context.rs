@@ -5,6 +5,7 @@ use std::time::Duration;
 use super::port_options::PortOptions;
 use crate::cancel::{Cancel, Cancelled};
 use crate::network::Network;
+use crate::roles::{self, Peer, Right, Rights};
 
 /// Timeout of the close message to a reader.
 pub(crate) const CLOSE_TIMEOUT: Duration = Duration::from_secs(1);
@@ -43,6 +44,26 @@ impl PortContext {
             cancelled,
             closing,
             close,
+        }
+    }
+
+    /// Returns what the roles in force let `peer` have this port do.
+    pub(crate) fn rights(&self, peer: Peer<'_>) -> Rights {
+        let roles = self.network.roles();
+        let Some(administered) = &self.options.administered_port else {
+            return roles.rights_at_port(&self.name, peer);
+        };
+        match roles.rights(administered, peer).has(Right::Administer) {
+            true => Rights::ALL,
+            false => Rights::NONE,
+        }
+    }
+
+    /// Returns the refusal for a peer without a right.
+    pub(crate) fn refusal(&self, peer: Peer<'_>, right: Right) -> String {
+        match &self.options.administered_port {
+            Some(administered) => roles::refusal(administered, peer, Right::Administer),
+            None => roles::refusal(&self.name, peer, right),
         }
     }
 

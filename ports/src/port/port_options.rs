@@ -74,6 +74,7 @@ pub struct PortOptions {
     pub(crate) on_connection_change: Option<ConnectionObserver>,
     pub(crate) type_name: Option<String>,
     pub(crate) allows_any_writer: bool,
+    pub(crate) administered_port: Option<String>,
     pub(crate) modifiable: bool,
     pub(crate) browsers: bool,
     pub(super) connection_limits: Option<ConnectionLimits>,
@@ -112,6 +113,7 @@ impl Default for PortOptions {
             on_connection_change: None,
             type_name: None,
             allows_any_writer: false,
+            administered_port: None,
             modifiable: true,
             browsers: true,
             connection_limits: None,
@@ -216,6 +218,15 @@ impl PortOptions {
     /// message itself.
     pub fn allow_any_writer(mut self) -> Self {
         self.allows_any_writer = true;
+        self
+    }
+
+    /// Allows a peer everything if `roles.conf` gives it the right to administer `port`, and else nothing but to ask what this
+    /// port is; roles about this port do not count.
+    ///
+    /// For ports that belong to a request to `port`, and must not be more open than that.
+    pub fn administrators_of(mut self, port: &str) -> Self {
+        self.administered_port = Some(port.to_owned());
         self
     }
 

@@ -20,9 +20,11 @@ pub(super) struct Launch {
     /// `A=1;B=2`; a name without a value removes the variable.
     pub(super) environment: String,
     /// Working directory; by default that of the server.
-    directory: Option<String>,
+    pub(super) directory: Option<String>,
     /// Port of the logger that gets the output.
     pub(super) logger: Option<String>,
+    /// True if the command has a terminal: pipes for input and output.
+    pub(super) terminal: bool,
 }
 
 impl Launch {
@@ -34,11 +36,12 @@ impl Launch {
             environment: text("env").unwrap_or_default(),
             directory: text("workdir"),
             logger: None,
+            terminal: false,
         }
     }
 
-    /// Starts the command in a process group of its own, without input; returns its output if it is for a logger, and
-    /// stock's error message on failure.
+    /// Starts the command in a process group of its own, without input unless it has a terminal; returns its output if it is for
+    /// a logger or a terminal, and stock's error message on failure.
     pub(super) fn spawn(&self) -> Result<(Child, Option<PipeReader>), String> {
         let directory = self.directory().map_err(|error| {
             let reason = reason(&error);
@@ -67,8 +70,12 @@ impl Launch {
                     None => drop(command.env_remove(variable)),
                 }
             }
-            command.stdin(Stdio::null()).process_group(0);
-            if !is_logged {
+            let input = match self.terminal {
+                true => Stdio::piped(),
+                false => Stdio::null(),
+            };
+            command.stdin(input).process_group(0);
+            if !is_logged && !self.terminal {
                 return command.stdout(Stdio::null()).stderr(Stdio::null()).spawn();
             }
             // One pipe for both keeps the order of their lines.
@@ -99,7 +106,7 @@ impl Launch {
 }
 
 /// Returns the system's error text alone.
-fn reason(error: &io::Error) -> String {
+pub(super) fn reason(error: &io::Error) -> String {
     let text = error.to_string();
     match text.split_once(" (os error") {
         Some((reason, _)) => reason.to_owned(),
@@ -108,7 +115,7 @@ fn reason(error: &io::Error) -> String {
 }
 
 /// Splits a command line: quotes keep blanks together, and separate words themselves, as in stock.
-fn words(line: &str) -> Vec<String> {
+pub(super) fn words(line: &str) -> Vec<String> {
     let mut words = Vec::new();
     for (index, part) in line.split('"').enumerate() {
         if index % 2 == 1 {
@@ -145,6 +152,7 @@ mod tests {
             environment: "A=1".to_owned(),
             directory: None,
             logger: None,
+            terminal: false,
         };
         assert_eq!(Launch::of(&request), expected);
         assert_eq!(Launch::of(&Bottle::new()), Launch::default());

@@ -12,11 +12,18 @@
 //! | `(ps)` | for each command `((pid 9) (tag t) (status running) (cmd ..) (env ..))` |
 //! | `(which ls)` | `/usr/bin/ls` |
 //! | `(sysinfo)` | no bottle; see `system_information` |
+//! | `(stdio /desk) (cmd ..) (as tag) (on /host) ..` | as for `(cmd ..)`, then `SESSION`, then the reply of `/desk` |
+//! | the same, `(stdiouuid SESSION)`, sent to `/desk` | `PID "STARTED: .."` of a terminal, or `-1 "ABORTED: .."` |
+//! | `(killstdio tag [SESSION])` | `"killstdio OK"` |
 //! | `(exit)` | `"exit OK"`, and the server ends |
 //!
 //! **Whoever may send to that port may run anything as the user of the server**, in stock and here. Therefore all of
 //! it needs the right to administer the port, if a role of `roles.conf` is about it; without such a role and without a key
 //! the server starts only with `--insecure`, or under the name of stock's program, `yarprun`. Browsers are never served.
+//!
+//! With `(stdio /desk)` the command has a terminal on the machine of the server `/desk` (`terminal_window`), which connects itself
+//! (`terminal_client`) with the ports of the command (`terminal_session`). `SESSION`, an extension of `killstdio`, tells apart the
+//! terminals of one tag; stock's server ignores it.
 //!
 //! `(log)` or `(log PORT)` in a request, or `--log` of the server, sends the output of a command to a logger (`output_log`).
 //!
@@ -32,10 +39,16 @@ mod process_table;
 mod run_client;
 mod run_server;
 mod system_information;
+mod terminal_client;
+mod terminal_session;
+mod terminal_window;
+mod text_chunks;
 
 use std::fmt::Display;
 use std::io::Write;
 use std::process::ExitCode;
+
+use yarp_wire::Bottle;
 
 use super::argument_words::Options;
 use crate::error::Result;
@@ -44,8 +57,9 @@ use crate::output::error_line;
 const USAGE: &str = "
 USAGE:
 
-yarp run --server SERVERPORT [--bind ADDRESS] [--insecure] [--log [LOGGERPORT]]
-run a server on the local machine; without a key (auth.conf) or roles (roles.conf) only with --insecure
+yarp run --server SERVERPORT [--bind ADDRESS] [--insecure] [--log [LOGGERPORT]] [--terminal COMMAND]
+run a server on the local machine; without a key (auth.conf) or roles (roles.conf) only with --insecure;
+COMMAND opens the terminals of --stdio, by default xterm, with the options of xterm
 
 yarp run --on SERVERPORT --as TAG --cmd COMMAND [ARGLIST] [--workdir WORKDIR] [--env ENVIRONMENT] [--log [LOGGERPORT]]
 run a command on SERVERPORT server; with --log its output goes to a logger, by default /yarplogger
@@ -81,6 +95,10 @@ const EXIT_FAILED: u8 = 255;
 const REPLY_ERROR: i32 = -1;
 /// Option with which a server starts its guard.
 const GUARD_ARGUMENT: &str = "keeper";
+/// Option of the process in a terminal: the session. As in stock.
+const TERMINAL_ARGUMENT: &str = "readwrite";
+/// Option of that process: port of the log, and port of the logger. As in stock.
+const FORWARD_ARGUMENT: &str = "forward";
 
 /// run a command on another machine, and a server that runs commands
 ///
@@ -110,6 +128,9 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         orphan_guard::run().await;
         return Ok(ExitCode::SUCCESS);
     }
+    if let Some(session) = options.text(TERMINAL_ARGUMENT) {
+        return terminal_client::run(&session, &options, out).await;
+    }
     if let Some(name) = options.text("server") {
         return run_server::serve(&name, &options, out).await;
     }
@@ -132,4 +153,9 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
 /// Prints a line on standard error, where stock has such lines. A server goes on when nobody is there to read it.
 fn note(line: impl Display) {
     error_line(line);
+}
+
+/// Returns true if a request contains a word, or a list that begins with it.
+fn contains_word(request: &Bottle, name: &str) -> bool {
+    request.find_group(name).is_some() || request.iter().any(|value| value.as_str() == Some(name))
 }

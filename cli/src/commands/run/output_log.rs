@@ -10,19 +10,18 @@ use std::path::Path;
 use std::time::Duration;
 
 use rustix::process::Pid;
-use tokio::io::{AsyncBufReadExt, AsyncReadExt, BufReader};
+use tokio::io::AsyncReadExt;
 use tokio::net::unix::pipe::Receiver;
 use tokio::runtime::Handle;
 use tokio::time::timeout;
 use yarp_ports::{Network, Port, PortOptions, error_chain};
-use yarp_wire::{Bottle, Value};
+use yarp_wire::Bottle;
 
 use super::note;
+use super::text_chunks::{Lines, MAX_LINE, TextDecoder};
 
 /// Logger if a request names none.
 pub(super) const LOGGER: &str = "/yarplogger";
-/// Bytes of a line; a longer one is sent in parts, as by stock.
-const MAX_LINE: u64 = 2047;
 /// Lines that wait for a reader.
 const MAX_BACKLOG: usize = 1000;
 /// Timeout of the connection to the logger.
@@ -48,8 +47,7 @@ impl OutputLog {
 
     /// Sends what `command` prints to the port `logger`, until its end.
     pub(super) fn forward(&self, output: PipeReader, command: &str, pid: Pid, logger: &str) {
-        let pid = pid.as_raw_nonzero();
-        let name = format!("/log{}/{}/{pid}", self.server, program(command));
+        let name = self.name_of(command, pid);
         let (network, logger) = (self.network.clone(), logger.to_owned());
         self.runtime.spawn(async move {
             if let Err(reason) = send(&network, output, &name, &logger).await {
@@ -57,6 +55,70 @@ impl OutputLog {
             }
         });
     }
+
+    /// Opens the port for the output of `command`, and connects it to the port `logger`; reports a failure.
+    pub(super) async fn open(&self, command: &str, pid: Pid, logger: &str) -> Option<LogPort> {
+        LogPort::open(&self.network, &self.name_of(command, pid), logger).await
+    }
+
+    fn name_of(&self, command: &str, pid: Pid) -> String {
+        let pid = pid.as_raw_nonzero();
+        format!("/log{}/{}/{pid}", self.server, program(command))
+    }
+}
+
+/// Port that sends lines to a logger.
+#[derive(Debug)]
+pub(super) struct LogPort {
+    port: Port,
+    /// First string of each message.
+    sender: String,
+    lines: Lines,
+}
+
+impl LogPort {
+    /// Opens the port, and connects it to the port `logger` if that is there; reports a failure.
+    pub(super) async fn open(network: &Network, name: &str, logger: &str) -> Option<Self> {
+        let port = match Port::open(network, name, PortOptions::new()).await {
+            Ok(port) => port,
+            Err(error) => {
+                note(format_args!("{name}: {}", error_chain(&error)));
+                return None;
+            }
+        };
+        let _ = timeout(CONNECT_TIMEOUT, port.connect(logger)).await;
+        Some(Self {
+            port,
+            sender: format!("[{name}]"),
+            lines: Lines::default(),
+        })
+    }
+
+    /// Sends each line that is complete with this text.
+    pub(super) fn write(&mut self, text: &str) {
+        let Self {
+            port,
+            sender,
+            lines,
+        } = self;
+        lines.push(text, |line| send_line(port, sender, line));
+    }
+
+    /// Sends a last line without an end, and closes the port.
+    pub(super) async fn close(self) {
+        let Self {
+            port,
+            sender,
+            mut lines,
+        } = self;
+        lines.finish(|line| send_line(&port, &sender, line));
+        port.close().await;
+    }
+}
+
+fn send_line(port: &Port, sender: &str, line: &str) {
+    let message = Bottle::new().with(sender).with(line);
+    port.try_write(&message, None, MAX_BACKLOG);
 }
 
 /// Returns the name of the program of a command line, without its folder.
@@ -73,41 +135,25 @@ async fn send(
     name: &str,
     logger: &str,
 ) -> Result<(), String> {
-    let output = Receiver::from_owned_fd(OwnedFd::from(output)).map_err(|e| e.to_string())?;
-    let mut output = BufReader::new(output);
+    let mut output = Receiver::from_owned_fd(OwnedFd::from(output)).map_err(|e| e.to_string())?;
     // The command must be able to print, whether its port can be opened or not.
-    let port = Port::open(network, name, PortOptions::new()).await;
-    let port = match port {
-        Ok(port) => port,
-        Err(error) => {
-            note(format_args!("{name}: {}", error_chain(&error)));
-            let mut discarded = tokio::io::sink();
-            return tokio::io::copy(&mut output, &mut discarded)
-                .await
-                .map(drop)
-                .map_err(|error| error.to_string());
-        }
-    };
-    let _ = timeout(CONNECT_TIMEOUT, port.connect(logger)).await;
-    let sender = format!("[{name}]");
-    let mut line = Vec::new();
+    let mut port = LogPort::open(network, name, logger).await;
+    let mut decoder = TextDecoder::default();
+    let mut buffer = [0; MAX_LINE];
     let result = loop {
-        line.clear();
-        match (&mut output)
-            .take(MAX_LINE)
-            .read_until(b'\n', &mut line)
-            .await
-        {
+        let text = match output.read(&mut buffer).await {
             Ok(0) => break Ok(()),
-            Ok(_) => {
-                let text = Value::from(String::from_utf8_lossy(&line).as_ref());
-                let message = Bottle::new().with(sender.as_str()).with(text);
-                port.try_write(&message, None, MAX_BACKLOG);
-            }
+            Ok(length) => decoder.push(&buffer[..length]),
             Err(error) => break Err(error.to_string()),
+        };
+        if let Some(port) = &mut port {
+            port.write(&text);
         }
     };
-    port.close().await;
+    if let Some(mut port) = port {
+        port.write(&decoder.finish());
+        port.close().await;
+    }
     result
 }
 

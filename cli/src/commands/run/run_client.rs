@@ -207,46 +207,57 @@ pub(super) async fn ask_system_information(
     }
 }
 
-/// Returns the reply of the server; `None` if a signal came first.
+/// Returns the reply of the server; `None` if it cannot be reached, or a signal came first.
 async fn reply(
     network: &Network,
     run_request: &RunRequest,
     interrupt: &mut Interrupt,
 ) -> Result<Option<Bottle>> {
-    for _ in 0..MAX_ATTEMPTS {
+    tokio::select! {
+        biased;
+        () = interrupt.interrupted() => Ok(None),
+        reply = send(network, &run_request.server, &run_request.request) => reply,
+    }
+}
+
+/// Sends a request to a server; `None` if the server cannot be reached.
+///
+/// Errors: a reply that does not come in time. The outcome is unknown then.
+pub(super) async fn send(
+    network: &Network,
+    server: &str,
+    request: &Bottle,
+) -> Result<Option<Bottle>> {
+    for attempt in 0..MAX_ATTEMPTS {
+        if attempt > 0 {
+            tokio::time::sleep(RETRY_DELAY).await;
+        }
         let Some(port) =
             network_access::open(network, "...", PortOptions::new().rpc_client()).await?
         else {
-            tokio::time::sleep(RETRY_DELAY).await;
             continue;
         };
-        let reply = tokio::select! {
-            biased;
-            () = interrupt.interrupted() => None,
-            reply = call(&port, run_request) => Some(reply),
-        };
+        let reply = call(&port, server, request).await;
         port.close().await;
         match reply {
-            None => break,
-            Some(Ok(reply)) => return Ok(Some(reply)),
-            // The outcome is unknown. Repeating the request might execute it twice.
-            Some(Err(error @ PortError::Timeout { .. })) => return Err(error.into()),
-            Some(Err(error)) => {
+            Ok(reply) => return Ok(Some(reply)),
+            // Repeating the request might execute it twice.
+            Err(error @ PortError::Timeout { .. }) => return Err(error.into()),
+            Err(error) => {
                 tracing::debug!(target: "yarp.os.Network", "{}", error.error_chain())
             }
-        }
-        tokio::select! {
-            biased;
-            () = interrupt.interrupted() => break,
-            () = tokio::time::sleep(RETRY_DELAY) => {}
         }
     }
     Ok(None)
 }
 
-async fn call(port: &Port, run_request: &RunRequest) -> std::result::Result<Bottle, PortError> {
-    port.connect(&run_request.server).await?;
-    port.call_within(&run_request.request, REPLY_TIMEOUT).await
+async fn call(
+    port: &Port,
+    server: &str,
+    request: &Bottle,
+) -> std::result::Result<Bottle, PortError> {
+    port.connect(server).await?;
+    port.call_within(request, REPLY_TIMEOUT).await
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
 
-use rustix::process::Signal;
+use rustix::process::{Pid, Signal};
 use tokio::sync::Notify;
 use yarp_ports::roles::{Peer, Right};
 use yarp_ports::{Answer, Network, PortOptions, Received};
@@ -18,7 +18,9 @@ use super::orphan_guard::OrphanGuard;
 use super::output_log::{LOGGER, OutputLog};
 use super::process_table::Processes;
 use super::system_information::SystemInformation;
-use super::{EXIT_FAILED, REPLY_ERROR, note};
+use super::terminal_session::TerminalSession;
+use super::terminal_window::{TerminalProgram, TerminalRequest};
+use super::{EXIT_FAILED, REPLY_ERROR, contains_word, note, run_client};
 use crate::commands::argument_words::Options;
 use crate::error::Result;
 use crate::listen_addresses::UNKNOWN_PEER;
@@ -56,7 +58,7 @@ pub(super) async fn serve(name: &str, options: &Options, out: &mut dyn Write) ->
         OutputLog::new(&network, name),
     ));
     let ending = Arc::new(Notify::new());
-    let handler = CommandHandler {
+    let handler = Arc::new(CommandHandler {
         name: name.to_owned(),
         network: network.clone(),
         processes: processes.clone(),
@@ -65,7 +67,8 @@ pub(super) async fn serve(name: &str, options: &Options, out: &mut dyn Write) ->
             .has("log")
             .then(|| options.text("log").filter(|name| !name.is_empty()))
             .map(|name| name.unwrap_or_else(|| LOGGER.to_owned())),
-    };
+        terminal_program: TerminalProgram::of(options),
+    });
     // The handler checks the roles itself: the right to write is not sufficient.
     let options = PortOptions::new()
         .handler(move |received| handler.answer(received))
@@ -113,10 +116,11 @@ struct CommandHandler {
     ending: Arc<Notify>,
     /// Logger of all commands, if the server has one.
     logger: Option<String>,
+    terminal_program: TerminalProgram,
 }
 
 impl CommandHandler {
-    fn answer(&self, received: &mut Received) -> Answer {
+    fn answer(self: &Arc<Self>, received: &mut Received) -> Answer {
         let peer = Peer {
             name: &received.from,
             address: received.address,
@@ -130,6 +134,16 @@ impl CommandHandler {
         match received.bottle() {
             Ok(request) if contains_word(&request, "sysinfo") => {
                 Answer::reply(SystemInformation::of_this_machine())
+            }
+            Ok(request) if is_for_terminal(&request) => {
+                let handler = self.clone();
+                // It goes on if the client does not wait for the reply.
+                let starting =
+                    tokio::spawn(async move { handler.start_in_terminal(&request).await });
+                Answer::Later(Box::pin(async move {
+                    let failed = |_| not_done("the terminal was not opened");
+                    Answer::reply(starting.await.unwrap_or_else(failed))
+                }))
             }
             Ok(request) => Answer::reply(self.reply(&request)),
             Err(error) => Answer::reply(not_done(&format!("cannot read the request: {error}"))),
@@ -155,10 +169,6 @@ impl CommandHandler {
         if has("exit") {
             self.ending.notify_one();
             return verdict("exit", true);
-        }
-        if has("stdio") {
-            let launch = Launch::of(request);
-            return self.aborted(&launch, "This server opens no terminals; leave out --stdio");
         }
         if has("cmd") {
             let mut launch = Launch::of(request);
@@ -191,7 +201,9 @@ impl CommandHandler {
             });
         }
         if has("killstdio") {
-            // There are no terminals to close.
+            let group = request.find_group("killstdio");
+            let session = group.and_then(|group| group.get(2)?.as_str());
+            processes.close_terminals(&text("killstdio"), session);
             return verdict("killstdio", true);
         }
         // Stock does not answer this request.
@@ -208,16 +220,129 @@ impl CommandHandler {
 
     fn start(&self, launch: Launch) -> Bottle {
         match self.processes.start(launch.clone()) {
-            Ok(pid) => {
-                let (name, number) = (&self.name, pid.as_raw_nonzero().get());
-                let Launch { tag, command, .. } = &launch;
-                let told =
-                    format!("STARTED: server={name} alias={tag} cmd={command} pid={number}\n");
-                note(told.trim_end());
-                Bottle::from_iter([Value::Int32(number), told.into()])
-            }
+            Ok(pid) => self.started(&launch, pid),
             Err(reason) => self.aborted(&launch, &reason),
         }
+    }
+
+    fn started(&self, launch: &Launch, pid: Pid) -> Bottle {
+        let (name, number) = (&self.name, pid.as_raw_nonzero().get());
+        let Launch { tag, command, .. } = launch;
+        let told = format!("STARTED: server={name} alias={tag} cmd={command} pid={number}\n");
+        note(told.trim_end());
+        Bottle::from_iter([Value::Int32(number), told.into()])
+    }
+
+    /// Starts a command of this server with a terminal, or a terminal for the command of another server.
+    async fn start_in_terminal(self: Arc<Self>, request: &Bottle) -> Bottle {
+        let text = |name| request.find(name).and_then(Value::as_str);
+        if text("on") != Some(&self.name) {
+            return self.open_terminal(request).await;
+        }
+        let desk = text("stdio").unwrap_or_default().to_owned();
+        let mut launch = Launch::of(request);
+        launch.logger = self.logger_of(request);
+        let mut session = match TerminalSession::open(&self.network, &self.name, &launch.tag).await
+        {
+            Ok(session) => session,
+            Err(reason) => {
+                let reason = format!("Can't open the ports of the terminal: {reason}");
+                return self.aborted(&launch, &reason);
+            }
+        };
+        let opened = self.request_terminal(request, &desk, session.id()).await;
+        if !is_process(&opened) {
+            let mut reply = self.aborted(&launch, &format!("There is no terminal on {desk}"));
+            reply.extend(opened);
+            session.close().await;
+            return reply;
+        }
+        let mut reply = match self.processes.start_piped(launch.clone()) {
+            Ok(command) => {
+                let mut reply = self.started(&launch, command.pid);
+                reply.push(session.id());
+                let handler = self.clone();
+                tokio::spawn(async move {
+                    let log = match &launch.logger {
+                        Some(logger) => {
+                            let log = handler.processes.log();
+                            log.open(&launch.command, command.pid, logger).await
+                        }
+                        None => None,
+                    };
+                    session.run(command, log).await;
+                    handler.end_session(session, &launch.tag, &desk).await;
+                });
+                reply
+            }
+            Err(reason) => {
+                let reply = self.aborted(&launch, &reason);
+                session.tell(&format!("{reason}\n")).await;
+                self.end_session(session, &launch.tag, &desk).await;
+                reply
+            }
+        };
+        reply.extend(opened);
+        reply
+    }
+
+    /// Has the server `desk` open a terminal; returns its reply.
+    async fn request_terminal(&self, request: &Bottle, desk: &str, session: &str) -> Bottle {
+        let group = Bottle::from_iter(["stdiouuid", session].map(Value::from));
+        let mut request = request.clone();
+        request.push(Value::List(group));
+        if desk == self.name {
+            return self.open_terminal(&request).await;
+        }
+        match run_client::send(&self.network, desk, &request).await {
+            Ok(Some(reply)) => reply,
+            Ok(None) => not_done(&format!("cannot connect to the server {desk}")),
+            Err(error) => not_done(&error.error_chain()),
+        }
+    }
+
+    /// Opens a terminal on this machine.
+    async fn open_terminal(&self, request: &Bottle) -> Bottle {
+        let name = &self.name;
+        let request = match TerminalRequest::of(request) {
+            Ok(request) => request,
+            Err(reason) => return not_done(&reason),
+        };
+        let tag = request.tag().to_owned();
+        let opened = request.open(&self.terminal_program, &self.processes, &self.network);
+        let (number, told) = match opened.await {
+            Ok(pid) => {
+                let number = pid.as_raw_nonzero().get();
+                let told = format!("STARTED: server={name} alias={tag} cmd=xterm pid={number}\n");
+                (number, told)
+            }
+            Err(reason) => {
+                let told = format!("ABORTED: server={name} alias={tag} cmd=xterm\n{reason}\n");
+                (REPLY_ERROR, told)
+            }
+        };
+        note(told.trim_end());
+        Bottle::from_iter([Value::Int32(number), told.into()])
+    }
+
+    /// Closes the terminal and the ports of a command that has ended.
+    async fn end_session(&self, session: TerminalSession, tag: &str, desk: &str) {
+        if desk == self.name {
+            self.processes.close_terminals(tag, Some(session.id()));
+        } else {
+            let words = ["killstdio", tag, session.id()].map(Value::from);
+            let request = Bottle::from_iter([Value::List(Bottle::from_iter(words))]);
+            // A terminal of ours also ends by itself when it notices that the ports are gone.
+            if !matches!(
+                run_client::send(&self.network, desk, &request).await,
+                Ok(Some(_))
+            ) {
+                note(format_args!(
+                    "{desk} is gone: it was not told to close a terminal"
+                ));
+            }
+        }
+        session.close().await;
     }
 
     fn aborted(&self, launch: &Launch, reason: &str) -> Bottle {
@@ -228,17 +353,25 @@ impl CommandHandler {
     }
 }
 
+/// Returns true if a request is for a command with a terminal, or for that terminal. Stock looks for these first.
+fn is_for_terminal(request: &Bottle) -> bool {
+    contains_word(request, "stdio")
+        && !contains_word(request, "which")
+        && !contains_word(request, "exit")
+}
+
+/// Returns true if a reply begins with the id of a process.
+fn is_process(reply: &Bottle) -> bool {
+    let number = reply.get(0).and_then(Value::as_i32);
+    number.is_some_and(|number| number > 0)
+}
+
 /// Returns a reply that every client reads as failure.
 fn not_done(text: &str) -> Bottle {
     Bottle::from_iter([
         Value::Int32(REPLY_ERROR),
         format!("ABORTED: {text}\n").into(),
     ])
-}
-
-/// Returns true if a request contains a word, or a list that begins with it.
-fn contains_word(request: &Bottle, name: &str) -> bool {
-    request.find_group(name).is_some() || request.iter().any(|value| value.as_str() == Some(name))
 }
 
 /// Returns the path of a program; its name if it is not found.
