@@ -145,6 +145,20 @@ fn commands_that_cannot_start_are_reported() {
 }
 
 #[test]
+fn the_number_of_commands_and_terminals_is_limited() {
+    let home = Home::new();
+    let _name_server = home.serve();
+    let _server = serve(&home);
+    let mut requests = "(cmd \"sleep 1000\") (as t)\n".repeat(256);
+    requests.push_str("(cmd \"sleep 1000\") (as t)\n");
+    requests.push_str("(stdio \"/x\") (as t) (on \"/other\") (stdiouuid \"/other/s\")\n");
+    let told = home.run_with("rpc /host", &requests);
+    let count = |text: &str| told.out.iter().filter(|line| line.contains(text)).count();
+    assert_eq!(count("STARTED"), 256, "{told:?}");
+    assert_eq!(count("Can't execute command because 256 are running"), 2);
+}
+
+#[test]
 fn commands_end_with_their_server() {
     for signal in ["INT", "TERM", "HUP"] {
         let home = Home::new();

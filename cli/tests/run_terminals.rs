@@ -182,6 +182,9 @@ fn a_held_window_stays_until_the_server_ends() {
     start(&home, "/host", "echo done", &["--hold"]).with(0);
     window.shows("done\n");
     no_session_left(&home);
+    // A terminal is no command.
+    ask(&home, &["--isrunning", "t"]).with(2);
+    ask(&home, &["--ps"]).with(255);
     let arguments = window.file("arguments");
     assert!(arguments.starts_with("-hold -title"), "{arguments}");
     let process = window.process();
@@ -190,13 +193,30 @@ fn a_held_window_stays_until_the_server_ends() {
     gone(process);
 }
 
+#[test]
+fn a_signal_for_a_command_leaves_its_terminal() {
+    let home = Home::new();
+    let _name_server = home.serve();
+    let window = Desk::new(&home, "window", WINDOW);
+    let _host = window.serve(&home, "/host", "");
+    let shell = "trap '' TERM; echo begin; while read a; do echo got $a; done";
+    start(&home, "/host", shell, &[]).with(0);
+    window.shows("begin\n");
+    ask(&home, &["--sigterm", "t"]).with(0);
+    ask(&home, &["--sigtermall"]).with(0);
+    window.type_text("more\n");
+    window.shows("got more\n");
+}
+
 /// In stock the command runs without its terminal.
 #[test]
 fn a_command_without_a_terminal_does_not_start() {
     let home = Home::new();
     let _name_server = home.serve();
     let _host = serve(&home, "/host", "", "/no/such/folder");
-    let failing = Desk::new(&home, "failing", "echo no display here >&2; exit 1");
+    // Its child keeps the pipe of its errors.
+    let script = "sleep 1000 & seq 20000 >&2; echo >&2; exit 1";
+    let failing = Desk::new(&home, "failing", script);
     let _failing = failing.serve(&home, "/failing", "");
     let mute = Desk::new(
         &home,
@@ -207,10 +227,7 @@ fn a_command_without_a_terminal_does_not_start() {
     let file = home.path().join("made");
     for (stdio, expected) in [
         ("/host", "No such file or directory: xterm"),
-        (
-            "/failing",
-            "The terminal ended at once (exit status: 1): no display here",
-        ),
+        ("/failing", "The terminal ended at once (exit status: 1): 1"),
         ("/mute", "The terminal opened no ports within 10 s"),
         ("/nobody", "cannot connect to the server /nobody"),
     ] {
@@ -223,6 +240,14 @@ fn a_command_without_a_terminal_does_not_start() {
             failed.complains("--terminal COMMAND");
         }
         assert!(!home.names().iter().any(|name| name.contains("/std")));
+        // Of many errors the first are told.
+        let told = failed.err.iter().map(String::len).sum::<usize>();
+        assert!(told < 2000, "{failed:?}");
+        assert_eq!(
+            failed.err.contains(&"100".to_owned()),
+            stdio == "/failing",
+            "{failed:?}"
+        );
     }
     gone(mute.process());
     assert!(!file.exists());

@@ -28,8 +28,8 @@ shift
 [ $# = 1 ] && set -- sh -c "exec $1"
 "$@" <> keyboard > screen 2>&1 &
 child=$!
-# Stock's program ignores the hangup, and ends because its terminal is gone, which a pipe is not.
-trap 'kill -HUP $child; sleep 2; kill -KILL $child' TERM
+# Stock's program then closes its ports, and ends when its terminal is gone, which a pipe is not.
+trap 'kill -TERM $child; sleep 2; kill -KILL $child' TERM
 wait $child
 wait $child
 """

@@ -20,10 +20,8 @@ use crate::error::Result;
 use crate::network_access;
 use crate::signals::Interrupt;
 
-/// Interval between two checks of the connection from the command.
+/// Interval between two checks of the connection from the command, and between two attempts to connect to it.
 const CHECK_INTERVAL: Duration = Duration::from_millis(200);
-/// Longest delay between two attempts to connect to the command.
-const MAX_BACKOFF: Duration = Duration::from_secs(1);
 
 /// Connects this process with the command of a session, until the command or the terminal ends.
 pub(super) async fn run(session: &str, options: &Options, out: &mut dyn Write) -> Result<ExitCode> {
@@ -48,7 +46,7 @@ pub(super) async fn run(session: &str, options: &Options, out: &mut dyn Write) -
     };
     let link = writer.connect_persistent(
         &format!("{session}/stdin"),
-        ReconnectOptions::new().backoff(CHECK_INTERVAL, MAX_BACKOFF),
+        ReconnectOptions::new().backoff(CHECK_INTERVAL, CHECK_INTERVAL),
     );
     let mut log = open_log(&network, options).await;
     let source = format!("{session}/stdout");
