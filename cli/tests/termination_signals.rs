@@ -67,3 +67,23 @@ fn names_are_unregistered_when_timeout_signals_twice() {
         assert_eq!(home.names(), Vec::<String>::new(), "{line}");
     }
 }
+
+/// So do service managers and terminals that close; the second signal once ended serving commands at once.
+#[test]
+fn names_are_unregistered_by_serving_commands_that_are_signalled_twice() {
+    let home = Home::new();
+    let _server = home.serve();
+    for line in [
+        "camera --name /a",
+        "dev --device fakeFrameGrabber --name /a",
+        "run --server /a --insecure",
+    ] {
+        for signal in ["TERM", "HUP"] {
+            let running = home.start(line);
+            home.run_until("name list", " /a ");
+            let running = running.signal(signal).signal(signal);
+            running.finish().with(0);
+            assert_eq!(home.names(), Vec::<String>::new(), "{line} {signal}");
+        }
+    }
+}

@@ -108,6 +108,9 @@ fn a_person_types_the_worked_conversation() {
         ("[even] [unre] [ogoi] 0.5", "[ack]"),
         ("[go] [xyz] 1.0 (0.4 0.1)", "[nack]"),
         ("[go] [xyz] 1.0 (0.4 0.1 nan)", "[nack]"),
+        // Targets out of reach were once acknowledged, and the motion to the nearest pose was reported as done.
+        ("[go] [xyz] 1.0 (3.0 0.3 0.6)", "[nack]"),
+        ("[go] [pose] 1.0 (3.0 0.3 0.6 0.0 0.0 1.0 0.0)", "[nack]"),
         ("[tvel] (0 0 0.1 0 0 1 0)", "[nack]"),
         ("[get] [lim] 7", "[nack]"),
         ("[what]", "[nack]"),
