@@ -5,11 +5,13 @@
 )]
 
 /// Bounds the memory that stays with the process after it was freed, except for what the environment chooses
-/// (`MALLOC_ARENA_MAX`, `MALLOC_MMAP_THRESHOLD_`).
+/// (`MALLOC_ARENA_MAX`, `MALLOC_MMAP_THRESHOLD_`, `MALLOC_TRIM_THRESHOLD_`).
 ///
 /// Each arena keeps memory that was freed in it, and the default is eight for each processor: what large messages of peers took
 /// stayed that many times. Blocks above [`OWN_MAPPING`] return to the system; without a fixed threshold, the allocator
-/// keeps blocks of up to 32 MiB once such a block was freed.
+/// keeps blocks of up to 32 MiB once such a block was freed. With a fixed one it returns smaller blocks, too, as soon as 128 KiB are
+/// free at the end of its memory, and asks for them again: while that goes on, every thread that needs memory waits. So an arena
+/// keeps as much as a block without a mapping of its own may take.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 pub(crate) fn bound_arenas() {
     let processors = std::thread::available_parallelism().map_or(1, usize::from);
@@ -19,6 +21,11 @@ pub(crate) fn bound_arenas() {
         (
             "MALLOC_MMAP_THRESHOLD_",
             libc::M_MMAP_THRESHOLD,
+            OWN_MAPPING,
+        ),
+        (
+            "MALLOC_TRIM_THRESHOLD_",
+            libc::M_TRIM_THRESHOLD,
             OWN_MAPPING,
         ),
     ] {

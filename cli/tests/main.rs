@@ -3,6 +3,7 @@
 
 mod common;
 
+mod allocator_settings;
 mod argument_errors;
 mod bringing_up_guide;
 mod camera_command;
