@@ -2,6 +2,8 @@
 
 use std::io::Write;
 use std::net::{SocketAddr, TcpStream};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use yarp_ports::{Port, PortOptions};
@@ -25,6 +27,8 @@ const MAX_WAIT: Duration = Duration::from_secs(5);
 const RETURN_TIMEOUT: Duration = Duration::from_secs(420);
 /// Interval between two counts of descriptors.
 const COUNT_INTERVAL: Duration = Duration::from_millis(200);
+/// Interval between two counts while an attack lasts: connections that are refused are gone again after milliseconds.
+const PEAK_INTERVAL: Duration = Duration::from_millis(2);
 /// Timeout of one connection of an attacker.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(2);
 /// Number of new clients, one after the other.
@@ -60,17 +64,22 @@ async fn attack(
     new_client(&victim).await?;
     let before = victim.descriptors()?;
     let target = victim.targets().arm;
+    let victim = Arc::new(victim);
+    let peak = Arc::new(AtomicUsize::new(before));
+    let counting = tokio::spawn(count_descriptors(victim.clone(), peak.clone()));
     let open = tokio::task::spawn_blocking(move || connections(target, opening)).await?;
     let opened = open.len();
     let mut slowest = Duration::ZERO;
-    let mut most = 0;
     let mut served = true;
     for _ in 0..CLIENTS {
-        most = most.max(victim.descriptors()?);
         let start = Instant::now();
         served &= new_client(&victim).await.is_ok();
         slowest = slowest.max(start.elapsed());
     }
+    counting.abort();
+    // It has let go of the victim.
+    let _ = counting.await;
+    let most = peak.load(Ordering::Relaxed);
     drop(open);
     let gone = Instant::now();
     let mut after = victim.descriptors()?;
@@ -86,8 +95,19 @@ async fn attack(
         slowest.as_secs_f64(),
         if holds { "" } else { "exceeds a bound" }
     );
+    let victim = Arc::into_inner(victim).ok_or("the victim is still observed")?;
     victim.stop().await?;
     Ok(holds)
+}
+
+/// Remembers the largest number of descriptors until the task is aborted.
+async fn count_descriptors(victim: Arc<Victim>, peak: Arc<AtomicUsize>) {
+    loop {
+        if let Ok(count) = victim.descriptors() {
+            peak.fetch_max(count, Ordering::Relaxed);
+        }
+        tokio::time::sleep(PEAK_INTERVAL).await;
+    }
 }
 
 /// Opens connections and keeps those that the victim accepts.
