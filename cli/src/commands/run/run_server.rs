@@ -239,7 +239,7 @@ impl CommandHandler {
         if text("on") != Some(&self.name) {
             return self.open_terminal(request).await;
         }
-        let desk = text("stdio").unwrap_or_default().to_owned();
+        let terminal_server = text("stdio").unwrap_or_default().to_owned();
         let mut launch = Launch::of(request);
         launch.logger = self.logger_of(request);
         let mut session = match TerminalSession::open(&self.network, &self.name, &launch.tag).await
@@ -250,9 +250,14 @@ impl CommandHandler {
                 return self.aborted(&launch, &reason);
             }
         };
-        let opened = self.request_terminal(request, &desk, session.id()).await;
+        let opened = self
+            .request_terminal(request, &terminal_server, session.id())
+            .await;
         if !is_process(&opened) {
-            let mut reply = self.aborted(&launch, &format!("There is no terminal on {desk}"));
+            let mut reply = self.aborted(
+                &launch,
+                &format!("There is no terminal on {terminal_server}"),
+            );
             reply.extend(opened);
             session.close().await;
             return reply;
@@ -271,14 +276,17 @@ impl CommandHandler {
                         None => None,
                     };
                     session.run(command, log).await;
-                    handler.end_session(session, &launch.tag, &desk).await;
+                    handler
+                        .end_session(session, &launch.tag, &terminal_server)
+                        .await;
                 });
                 reply
             }
             Err(reason) => {
                 let reply = self.aborted(&launch, &reason);
-                session.tell(&format!("{reason}\n")).await;
-                self.end_session(session, &launch.tag, &desk).await;
+                session.send_text(&format!("{reason}\n")).await;
+                self.end_session(session, &launch.tag, &terminal_server)
+                    .await;
                 reply
             }
         };
@@ -286,17 +294,22 @@ impl CommandHandler {
         reply
     }
 
-    /// Has the server `desk` open a terminal; returns its reply.
-    async fn request_terminal(&self, request: &Bottle, desk: &str, session: &str) -> Bottle {
+    /// Has the server `terminal_server` open a terminal; returns its reply.
+    async fn request_terminal(
+        &self,
+        request: &Bottle,
+        terminal_server: &str,
+        session: &str,
+    ) -> Bottle {
         let group = Bottle::from_iter(["stdiouuid", session].map(Value::from));
         let mut request = request.clone();
         request.push(Value::List(group));
-        if desk == self.name {
+        if terminal_server == self.name {
             return self.open_terminal(&request).await;
         }
-        match run_client::send(&self.network, desk, &request).await {
+        match run_client::send(&self.network, terminal_server, &request).await {
             Ok(Some(reply)) => reply,
-            Ok(None) => not_done(&format!("cannot connect to the server {desk}")),
+            Ok(None) => not_done(&format!("cannot connect to the server {terminal_server}")),
             Err(error) => not_done(&error.error_chain()),
         }
     }
@@ -326,19 +339,19 @@ impl CommandHandler {
     }
 
     /// Closes the terminal and the ports of a command that has ended.
-    async fn end_session(&self, session: TerminalSession, tag: &str, desk: &str) {
-        if desk == self.name {
+    async fn end_session(&self, session: TerminalSession, tag: &str, terminal_server: &str) {
+        if terminal_server == self.name {
             self.processes.close_terminals(tag, Some(session.id()));
         } else {
             let words = ["killstdio", tag, session.id()].map(Value::from);
             let request = Bottle::from_iter([Value::List(Bottle::from_iter(words))]);
             // A terminal of ours also ends by itself when it notices that the ports are gone.
             if !matches!(
-                run_client::send(&self.network, desk, &request).await,
+                run_client::send(&self.network, terminal_server, &request).await,
                 Ok(Some(_))
             ) {
                 note(format_args!(
-                    "{desk} is gone: it was not told to close a terminal"
+                    "{terminal_server} is gone: it was not told to close a terminal"
                 ));
             }
         }

@@ -1,4 +1,4 @@
-//! What runs in a terminal: shows the output of a command, and sends what is typed to it.
+//! Process in a terminal: shows the output of a command, and sends typed lines to it.
 //!
 //! Source: `RunReadWrite.cpp` of YARP 3.5. The ports of a command are `SESSION/stdout` and `SESSION/stdin`.
 
@@ -10,10 +10,10 @@ use tokio::sync::mpsc;
 use tokio::time::sleep;
 use yarp_ports::remote_admin::{self, ConnectError};
 use yarp_ports::{Network, Port, PortOptions, Queue, ReconnectOptions, ReconnectingConnection};
-use yarp_wire::{Bottle, Value};
+use yarp_wire::Bottle;
 
 use super::output_log::LogPort;
-use super::text_chunks::{MAX_LINE, TextDecoder};
+use super::text_chunks::{MAX_LINE, TextDecoder, message_text};
 use super::{EXIT_FAILED, FORWARD_ARGUMENT, note};
 use crate::commands::argument_words::Options;
 use crate::error::Result;
@@ -88,12 +88,9 @@ async fn open_log(network: &Network, options: &Options) -> Option<LogPort> {
     LogPort::open(network, &format!("{prefix}/{}", std::process::id()), logger).await
 }
 
-/// Shows a message: its string, else its values as a line.
+/// Shows the text of a message.
 fn show(message: &Bottle, out: &mut dyn Write, log: &mut Option<LogPort>) -> Result<()> {
-    let text = match message.get(0).and_then(Value::as_str) {
-        Some(text) if message.len() == 1 => text.to_owned(),
-        _ => format!("{message}\n"),
-    };
+    let text = message_text(message);
     if let Some(log) = log {
         log.write(&text);
     }
@@ -118,7 +115,7 @@ async fn keep_connected(network: &Network, reader: &Port, source: &str) {
     }
 }
 
-/// Sends what is typed. The first line waits for the connection.
+/// Sends typed lines. The first one waits for the connection.
 async fn send_typed(writer: &Port, link: &ReconnectingConnection) {
     let (sender, mut lines) = mpsc::channel(1);
     // The thread ends with the process.

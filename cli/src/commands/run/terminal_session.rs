@@ -9,13 +9,13 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::unix::pipe::{Receiver, Sender};
 use tokio::sync::{mpsc, watch};
 use tokio::time::{Instant, sleep, timeout, timeout_at};
-use yarp_ports::{Answer, Network, Port, PortOptions, Received, error_chain};
-use yarp_wire::{Bottle, Value};
+use yarp_ports::{Answer, Network, Port, PortOptions, error_chain};
+use yarp_wire::Bottle;
 
 use super::note;
 use super::output_log::LogPort;
 use super::process_table::Piped;
-use super::text_chunks::{MAX_LINE, TextDecoder};
+use super::text_chunks::{MAX_LINE, TextDecoder, message_text};
 
 /// Time that the output of a command waits for its terminal; later output without a terminal is lost.
 const READER_TIMEOUT: Duration = Duration::from_secs(10);
@@ -49,7 +49,7 @@ impl TerminalSession {
         let (sender, typed) = mpsc::channel(1);
         let options = options().input_only().handler(move |received| {
             let sender = sender.clone();
-            let text = typed_text(received);
+            let text = message_text(&received.bottle().unwrap_or_default());
             Answer::Later(Box::pin(async move {
                 // Without its receiver the command has ended.
                 let _ = sender.send(text).await;
@@ -115,12 +115,12 @@ impl TerminalSession {
     }
 
     /// Sends a text to the terminal: the reason why the command did not start.
-    pub(super) async fn tell(&self, text: &str) {
-        let telling = async {
+    pub(super) async fn send_text(&self, text: &str) {
+        let sending = async {
             until_read(&self.output, Instant::now() + DRAIN_TIMEOUT).await;
             self.output.write(&Bottle::of(text)).await
         };
-        let _ = timeout(DRAIN_TIMEOUT, telling).await;
+        let _ = timeout(DRAIN_TIMEOUT, sending).await;
     }
 
     /// Closes the ports.
@@ -134,16 +134,6 @@ impl TerminalSession {
 async fn open(network: &Network, name: &str, options: PortOptions) -> Result<Port, String> {
     let opening = Port::open(network, name, options);
     opening.await.map_err(|error| error_chain(&error))
-}
-
-/// Returns the text of a message: its string, else its values and the end of a line.
-fn typed_text(received: &Received) -> String {
-    let message = received.bottle().unwrap_or_default();
-    let text = message.get(0).and_then(Value::as_str);
-    match text {
-        Some(text) if message.len() == 1 => text.to_owned(),
-        _ => format!("{message}\n"),
-    }
 }
 
 /// Waits until a port has a reader.

@@ -1,9 +1,19 @@
-//! Text out of bytes that arrive in parts, and lines out of such text.
+//! Text out of messages and of bytes that arrive in parts, and lines out of such text.
+
+use yarp_wire::{Bottle, Value};
 
 /// Bytes that are sent at once, and of a line; a longer line is sent in parts, as by stock.
 pub(super) const MAX_LINE: usize = 2047;
 /// Maximum length of a character, in bytes.
 const MAX_CHARACTER: usize = 4;
+
+/// Returns the text of a message of a terminal: its string, else its values as a line.
+pub(super) fn message_text(message: &Bottle) -> String {
+    match message.get(0).and_then(Value::as_str) {
+        Some(text) if message.len() == 1 => text.to_owned(),
+        _ => format!("{message}\n"),
+    }
+}
 
 /// Decodes UTF-8 that arrives in parts. A character that is split between two parts stays whole; anything else is replaced.
 #[derive(Debug, Default)]

@@ -77,7 +77,7 @@ async fn attack(
         slowest = slowest.max(start.elapsed());
     }
     counting.abort();
-    // It has let go of the victim.
+    // The task holds the victim until it has ended.
     let _ = counting.await;
     let most = peak.load(Ordering::Relaxed);
     drop(open);
