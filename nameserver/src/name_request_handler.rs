@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use tokio::sync::mpsc;
 use tokio::sync::mpsc::error::TrySendError;
 use yarp_ports::{Answer, Network};
-use yarp_wire::message::RawText;
+use yarp_wire::message::{Form, RawText};
 use yarp_wire::name_service::{Command, Kind, Registration, Request, UNSUPPORTED_PREFIX};
 
 use crate::name_server::lock;
@@ -139,11 +139,12 @@ impl RequestHandler {
         &self.leases
     }
 
-    /// Answers one request; `by_page` tells whether a browser asks.
+    /// Answers one request, a large list in this form; `by_page` tells whether a browser asks.
     pub(crate) fn answer(
         request_handler: &Arc<Self>,
         from: IpAddr,
         by_page: bool,
+        form: Form,
         request: Request,
     ) -> Answer {
         if let Some(channel) = request_handler.writer_channel()
@@ -152,7 +153,7 @@ impl RequestHandler {
         {
             return answer;
         }
-        if let Some(answer) = Self::answer_large_list(request_handler, from, &request) {
+        if let Some(answer) = Self::answer_large_list(request_handler, from, form, &request) {
             return answer;
         }
         let mut registry = request_handler.registry();
@@ -188,6 +189,7 @@ impl RequestHandler {
     fn answer_large_list(
         request_handler: &Arc<Self>,
         from: IpAddr,
+        form: Form,
         request: &Request,
     ) -> Option<Answer> {
         let Kind::Question { lists: true, .. } = request.command.rules().kind else {
@@ -204,7 +206,8 @@ impl RequestHandler {
                 registry.handle(Instant::now(), Some(from), &request).body
             };
             let lists = &request_handler.lists;
-            lists.answer(from, request.to_string(), bytes, build).await
+            let request = request.to_string();
+            lists.answer(from, request, form, bytes, build).await
         })))
     }
 
@@ -553,7 +556,7 @@ mod tests {
         let from = IpAddr::from([127, 0, 0, 1]);
         let answer = |line: &str| {
             let request = Request::parse(line).unwrap();
-            RequestHandler::answer(&handler, from, false, request)
+            RequestHandler::answer(&handler, from, false, Form::Text, request)
         };
         let long = "n".repeat(900);
         let mut count = 0;

@@ -19,7 +19,7 @@ use yarp_ports::{
 use yarp_wire::auth::Key;
 use yarp_wire::carrier::ALL;
 use yarp_wire::http::Gate;
-use yarp_wire::message::RawText;
+use yarp_wire::message::{Form, RawText};
 use yarp_wire::name_service::{Command, DEFAULT_PORT, Registration, Request};
 use yarp_wire::{Bottle, Vocab32};
 
@@ -561,7 +561,11 @@ fn handler(
         match access_control::refusal(&roles, &own, peer, &request.command) {
             None => {
                 let by_page = &*message.from == BROWSER;
-                RequestHandler::answer(&request_handler, message.address, by_page, request)
+                let form = match message.payload.form() {
+                    Form::Text => Form::Text,
+                    Form::Binary(_) => Form::Binary(message.payload.wire_version()),
+                };
+                RequestHandler::answer(&request_handler, message.address, by_page, form, request)
             }
             Some(refusal) => {
                 tracing::warn!("refused a request: {refusal}");

@@ -6,24 +6,24 @@ use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::time::Duration;
 
 use tokio::sync::{OnceCell, OwnedSemaphorePermit, Semaphore};
-use yarp_ports::{Answer, SharedText, run_large};
-use yarp_wire::Bottle;
-use yarp_wire::message::RawText;
+use yarp_ports::{Answer, SharedReply, run_large};
+use yarp_wire::message::{Form, RawText};
 
 use crate::registry::Body;
 
-/// Lists that clients wait for and whose building has not begun, by the address of the clients and the request.
+/// Lists that clients wait for and whose building has not begun, by the address of the clients, the request and the form of
+/// the reply.
 ///
 /// A list is as new as if it were built for each client: whoever asks later waits for another one. At most [`LISTS`] lists take
 /// memory at a time.
 pub(crate) struct SharedLists {
-    awaited: Mutex<HashMap<Key, Weak<OnceCell<List>>>>,
+    awaited: Mutex<HashMap<Key, Weak<OnceCell<SharedReply>>>>,
     /// One permit for each list, until the last reply with it is sent.
     slots: Arc<Semaphore>,
     timeout: Duration,
 }
 
-type Key = (IpAddr, String);
+type Key = (IpAddr, String, Form);
 
 /// Maximum number of lists at a time, of which each may take as much memory as the registry.
 const LISTS: usize = 3;
@@ -31,13 +31,6 @@ const LISTS: usize = 3;
 const TIMEOUT: Duration = Duration::from_secs(15);
 /// Refusal for a client whose turn did not come.
 const TOO_MANY_LISTS: &str = "too many ask for different lists of many names at a time, try again";
-
-/// A list that many replies hold.
-#[derive(Clone)]
-enum List {
-    Lines(SharedText),
-    Bottle(Arc<Bottle>),
-}
 
 impl Default for SharedLists {
     fn default() -> Self {
@@ -54,35 +47,37 @@ impl SharedLists {
         }
     }
 
-    /// Returns the reply to a request for a list of about so many bytes, which `build` builds in turn with other large work.
+    /// Returns the reply to a request for a list of about so many bytes, which `build` builds in turn with other large work. It
+    /// is encoded in this form.
     pub(crate) async fn answer(
         &self,
         from: IpAddr,
         request: String,
+        form: Form,
         bytes: usize,
         build: impl FnOnce() -> Body,
     ) -> Answer {
-        let key = (from, request);
+        let key = (from, request, form);
         let list = self.join(&key);
         let build = async || {
             let slot = self.slots.clone().acquire_owned().await.ok();
             let build = || {
                 // Before the registry is read.
                 self.leave(&key);
-                List::new(build(), slot)
+                encode(build(), form, slot)
             };
             run_large(bytes, build).await
         };
         // If the client that builds goes away, the next one builds.
         let list = tokio::time::timeout(self.timeout, list.get_or_init(build)).await;
         match list {
-            Ok(list) => list.clone().into_answer(),
+            Ok(list) => Answer::reply(list.clone()),
             Err(_) => Answer::reply(RawText(Body::refusal(TOO_MANY_LISTS).into_text())),
         }
     }
 
     /// Returns the list that others wait for, or a new one.
-    fn join(&self, key: &Key) -> Arc<OnceCell<List>> {
+    fn join(&self, key: &Key) -> Arc<OnceCell<SharedReply>> {
         let mut lists = self.awaited.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(list) = lists.get(key).and_then(Weak::upgrade) {
             return list;
@@ -100,20 +95,11 @@ impl SharedLists {
     }
 }
 
-impl List {
-    fn new(body: Body, slot: Option<OwnedSemaphorePermit>) -> Self {
-        match body {
-            // Each connection copies it at once.
-            Body::Bottle(bottle) => Self::Bottle(Arc::new(bottle)),
-            lines @ Body::Lines(_) => Self::Lines(SharedText::new(lines.into_text(), slot)),
-        }
-    }
-
-    fn into_answer(self) -> Answer {
-        match self {
-            Self::Lines(text) => Answer::reply(text),
-            Self::Bottle(list) => Answer::reply(list),
-        }
+/// Encodes a list, which gives its slot back when the last reply is sent.
+fn encode(list: Body, form: Form, slot: Option<OwnedSemaphorePermit>) -> SharedReply {
+    match list {
+        Body::Bottle(bottle) => SharedReply::encode(&bottle, form, slot),
+        lines @ Body::Lines(_) => SharedReply::text(lines.into_text(), slot),
     }
 }
 
@@ -122,6 +108,7 @@ mod tests {
     use std::sync::atomic::{AtomicUsize, Ordering};
 
     use bytes::BytesMut;
+    use yarp_wire::{Bottle, WireVersion};
 
     use super::*;
 
@@ -151,7 +138,7 @@ mod tests {
                 let number = built.fetch_add(1, Ordering::Relaxed);
                 Body::lines([format!("list {number}")])
             };
-            lists.answer(from, request.to_owned(), LARGE, build)
+            lists.answer(from, request.to_owned(), Form::Text, LARGE, build)
         };
         let slots = take_slots(&lists).await;
         let (first, second, other, below, ()) = tokio::join!(
@@ -169,7 +156,7 @@ mod tests {
             let awaited = lists.awaited.lock().unwrap();
             Body::lines([format!("{} wait", awaited.len())])
         };
-        let next = lists.answer(from(1), "list".to_owned(), LARGE, build);
+        let next = lists.answer(from(1), "list".to_owned(), Form::Text, LARGE, build);
         assert!(text_of(next.await).starts_with("0 wait"));
     }
 
@@ -178,7 +165,7 @@ mod tests {
         let lists = SharedLists::default();
         let ask = |request: String, line: &'static str| {
             let build = move || Body::lines([line]);
-            Box::pin(lists.answer([127, 0, 0, 1].into(), request, LARGE, build))
+            Box::pin(lists.answer([127, 0, 0, 1].into(), request, Form::Text, LARGE, build))
         };
         async fn begun(asking: &mut (impl Future<Output = Answer> + Unpin)) {
             let waits = tokio::time::timeout(Duration::from_millis(1), asking).await;
@@ -204,7 +191,13 @@ mod tests {
         let lists = SharedLists::with_timeout(Duration::from_millis(50));
         let ask = |last| {
             let build = || Body::lines(["/p"]);
-            lists.answer([10, 0, 0, last].into(), "list".to_owned(), LARGE, build)
+            lists.answer(
+                [10, 0, 0, last].into(),
+                "list".to_owned(),
+                Form::Text,
+                LARGE,
+                build,
+            )
         };
         let mut unsent = vec![ask(1).await, ask(2).await, ask(3).await];
         let refusal = text_of(ask(4).await);
@@ -214,11 +207,29 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_bottle_is_shared_as_well() {
-        let lists = SharedLists::default();
-        let build = || Body::Bottle(Bottle::of("ports"));
-        let from = IpAddr::from([127, 0, 0, 1]);
-        let answer = lists.answer(from, "bot list".to_owned(), LARGE, build);
-        assert_eq!(text_of(answer.await), "ports\r\n");
+    async fn a_bottle_is_shared_by_those_who_need_the_same_form() {
+        let (lists, built) = (SharedLists::default(), AtomicUsize::new(0));
+        let ask = |form| {
+            let build = || {
+                built.fetch_add(1, Ordering::Relaxed);
+                Body::Bottle(Bottle::of("ports"))
+            };
+            let from = IpAddr::from([127, 0, 0, 1]);
+            lists.answer(from, "bot list".to_owned(), form, LARGE, build)
+        };
+        let slots = take_slots(&lists).await;
+        let binary = Form::Binary(WireVersion::V4);
+        let (first, second, text, ()) =
+            tokio::join!(ask(binary), ask(binary), ask(Form::Text), async {
+                drop(slots)
+            });
+        assert_eq!(built.load(Ordering::Relaxed), 2);
+        for (answer, form) in [(first, binary), (second, binary), (text, Form::Text)] {
+            let Answer::Reply(reply) = answer else {
+                panic!("no reply");
+            };
+            assert!(reply.shared_bytes(form).is_some(), "{form:?} is copied");
+            assert_eq!(text_of(Answer::Reply(reply)), "ports\r\n");
+        }
     }
 }

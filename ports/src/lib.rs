@@ -54,7 +54,7 @@ pub use port::{
     AdminHandler, Answer, ConnectionChange, ConnectionCounters, ConnectionLimits,
     ConnectionObserver, ConnectionState, Envelope, Handler, Monitor, MonitorError, MonitorFactory,
     MonitorSetup, MonitorSide, Page, Pages, Passing, Port, PortCounters, PortOptions, Queue,
-    Reader, Received, ReconnectOptions, ReconnectingConnection, Reply, SharedText, Traffic,
+    Reader, Received, ReconnectOptions, ReconnectingConnection, Reply, SharedReply, Traffic,
     run_large, wait_for_dropped_ports,
 };
 pub use port::{built_in as built_in_monitor, built_in_names as built_in_monitors, modifier_names};

@@ -1,41 +1,24 @@
-//! Increasing delays between attempts.
+//! Increasing pauses between attempts.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// Pauses before attempts, each twice as long as the previous one, up to a maximum.
-#[derive(Debug)]
-pub(super) struct Backoff {
-    first: Duration,
-    longest: Duration,
-    next: Duration,
+use backon::{BackoffBuilder, ExponentialBackoff, ExponentialBuilder};
+
+/// Returns the pauses before attempts, each twice as long as the previous one, up to a maximum.
+pub(super) fn backoff(first: Duration, longest: Duration) -> ExponentialBackoff {
+    ExponentialBuilder::new()
+        .with_min_delay(first)
+        .with_max_delay(longest.max(first))
+        .without_max_times()
+        .build()
 }
 
-impl Backoff {
-    pub(super) fn new(first: Duration, longest: Duration) -> Self {
-        Self {
-            first,
-            longest: longest.max(first),
-            next: first,
-        }
-    }
-
-    /// After something that worked the pauses begin anew.
-    pub(super) fn reset(&mut self) {
-        self.next = self.first;
-    }
-
-    fn next_delay(&mut self) -> Duration {
-        let pause = self.next;
-        self.next = (self.next * 2).min(self.longest);
-        pause
-    }
-
-    /// Sleeps for the next pause, or until `ending` is set and the thread unparked.
-    pub(super) fn wait(&mut self, ending: &AtomicBool) {
-        sleep_until(Instant::now() + self.next_delay(), ending);
-    }
+/// Sleeps for the next pause, or until `ending` is set and the thread unparked.
+pub(super) fn wait(pauses: &mut ExponentialBackoff, ending: &AtomicBool) {
+    let pause = pauses.next().expect("attempts are not limited");
+    sleep_until(Instant::now() + pause, ending);
 }
 
 /// Sleeps until then, or until `ending` is set and the thread unparked.
@@ -56,13 +39,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pauses_double_up_to_the_longest_and_begin_anew() {
+    fn pauses_double_up_to_the_longest() {
         let milliseconds = Duration::from_millis;
-        let mut backoff = Backoff::new(milliseconds(50), milliseconds(150));
-        let pauses: Vec<_> = (0..4).map(|_| backoff.next_delay()).collect();
-        assert_eq!(pauses, [50, 100, 150, 150].map(milliseconds));
-        backoff.reset();
-        assert_eq!(backoff.next_delay(), milliseconds(50));
+        let pauses = backoff(milliseconds(50), milliseconds(150));
+        let pauses: Vec<_> = pauses.take(4).map(|pause| pause.as_millis()).collect();
+        assert_eq!(pauses, [50, 100, 150, 150]);
+        let mut pauses = backoff(milliseconds(50), milliseconds(10));
+        assert_eq!(pauses.nth(1_000), Some(milliseconds(50)));
     }
 
     #[test]
@@ -72,7 +55,8 @@ mod tests {
         let waiter = thread::spawn({
             let ending = ending.clone();
             move || {
-                Backoff::new(Duration::from_secs(600), Duration::from_secs(600)).wait(&ending);
+                let mut pauses = backoff(Duration::from_secs(600), Duration::from_secs(600));
+                wait(&mut pauses, &ending);
                 sender.send(()).ok();
             }
         });

@@ -7,7 +7,7 @@ use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
-use super::image_file::{MAX_FILE_BYTES, Reading, check_size, malformed};
+use super::file_checks::{MAX_FILE_BYTES, Reading, check_size, malformed};
 use super::{Image, PixelFormat};
 
 pub(super) fn png(bytes: &[u8]) -> Reading {

@@ -8,18 +8,9 @@ use std::path::Path;
 
 #[cfg(feature = "image-files")]
 use super::compressed_image;
-use super::{Image, MAX_IMAGE_SIDE, PixelFormat};
+use super::file_checks::{Reading, check_size, malformed};
+use super::{Image, PixelFormat};
 use crate::DeviceError;
-
-/// Maximum size of an image in memory, bytes: 256 MiB.
-pub(super) const MAX_FILE_BYTES: usize = 1 << 28;
-
-/// A defect of an image file.
-#[derive(Debug, thiserror::Error)]
-#[error("{0}")]
-struct Malformed(String);
-
-pub(super) type Reading = Result<Image, Box<dyn Error + Send + Sync>>;
 
 /// Reads an image from a file; its first bytes determine the format, not its name.
 ///
@@ -48,19 +39,6 @@ pub fn decode(bytes: &[u8]) -> Result<Image, Box<dyn Error + Send + Sync>> {
         )),
         _ => Err(malformed("neither PPM, PGM, PNG nor JPEG")),
     }
-}
-
-pub(super) fn malformed(what: impl Into<String>) -> Box<dyn Error + Send + Sync> {
-    Box::new(Malformed(what.into()))
-}
-
-/// Refuses sizes that no camera has.
-pub(super) fn check_size(width: usize, height: usize) -> Result<(), Box<dyn Error + Send + Sync>> {
-    let sides = 1..=MAX_IMAGE_SIDE;
-    if sides.contains(&width) && sides.contains(&height) && width * height <= MAX_FILE_BYTES / 4 {
-        return Ok(());
-    }
-    Err(malformed(format!("{width} x {height} pixels are refused")))
 }
 
 fn netpbm(bytes: &[u8]) -> Reading {

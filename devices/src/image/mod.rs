@@ -6,12 +6,14 @@
 //! | `stamped_image` | [`Frame`]: an image with its number and time |
 //! | `image_crop` | [`Crop`]: a part of an image |
 //! | `image_file`, `compressed_image` | image files: PPM and PGM; PNG and JPEG |
+//! | `file_checks` | the checks of both |
 //!
 //! Pixels are shared, never copied by cloning. This module does not encode images: network wrappers turn them into
 //! messages, and share the pixels where the message has the same layout.
 
 #[cfg(feature = "image-files")]
 mod compressed_image;
+mod file_checks;
 mod image_crop;
 pub mod image_file;
 mod stamped_image;

@@ -174,6 +174,11 @@ impl LivenessRecord {
             false => self.state,
         }
     }
+
+    /// Returns whether the port is known to be gone.
+    pub(super) fn is_gone(&self, now: Instant) -> bool {
+        self.state(now) == Liveness::Gone
+    }
 }
 
 impl Registry {

@@ -9,7 +9,6 @@ use std::time::Instant;
 
 use yarp_wire::name_service::{LeaseHolder, RegisterRequest, Registration};
 
-use super::liveness::Liveness;
 use super::registry_limits::Refusal;
 use super::{Body, Entry, Registry};
 
@@ -63,7 +62,7 @@ impl Registry {
                 carrier: carrier.clone(),
             });
         }
-        let is_gone = has_owner(&entry.registration) && entry.liveness.state(now) == Liveness::Gone;
+        let is_gone = has_owner(&entry.registration) && entry.liveness.is_gone(now);
         if !OWNERS_PROPERTIES.contains(&key) || is_gone || self.is_owner(entry, from) {
             return Ok(());
         }

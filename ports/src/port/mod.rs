@@ -66,7 +66,7 @@ mod received_message;
 mod reconnecting;
 mod reply_channel;
 mod send_queue;
-mod shared_text;
+mod shared_reply;
 mod socket_handle;
 mod socket_qos;
 mod tcp_listener;
@@ -111,7 +111,7 @@ pub use port_options::{
 pub use receive_queue::Queue;
 pub use received_message::{Answer, Received, Reply};
 pub use reconnecting::{ConnectionState, ReconnectOptions, ReconnectingConnection};
-pub use shared_text::SharedText;
+pub use shared_reply::SharedReply;
 
 /// A reader of a port, for [`Port::try_write_to`].
 #[derive(Clone, Copy, Debug)]

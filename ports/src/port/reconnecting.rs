@@ -1,10 +1,12 @@
 //! Connections that reconnect.
 
 use std::hash::{BuildHasher, RandomState};
+use std::iter::Peekable;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use backon::{BackoffBuilder, ExponentialBackoff, ExponentialBuilder};
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
 use tokio::time::Instant;
@@ -204,7 +206,7 @@ impl Reconnector {
 
     /// Connects, waits for the end, and so on; puts down whom it was connected to.
     async fn keep_connected(&self, name: &mut Option<String>) {
-        let mut backoff = Backoff::new(&self.options);
+        let mut pauses = backoff(&self.options);
         let mut attempt = 1;
         loop {
             self.state
@@ -216,7 +218,7 @@ impl Reconnector {
                     self.state.send_replace(ConnectionState::Connected);
                     let since = Instant::now();
                     let reason = send_queue.ended().await;
-                    backoff.record_uptime(since.elapsed());
+                    pauses = backoff_after(since.elapsed(), pauses, &self.options);
                     attempt = 0;
                     reason
                 }
@@ -227,7 +229,8 @@ impl Reconnector {
             tracing::info!(%port, to = %printable(&self.to.name), "no connection: {}", printable(&reason));
             self.state
                 .send_replace(ConnectionState::Disconnected { reason });
-            tokio::time::sleep(jittered(backoff.next())).await;
+            let pause = pauses.next().expect("attempts are not limited");
+            tokio::time::sleep(jittered(pause)).await;
             attempt = attempt.saturating_add(1);
         }
     }
@@ -255,35 +258,27 @@ impl Reconnector {
     }
 }
 
-/// The pauses between tries.
-struct Backoff {
-    next: Duration,
-    first: Duration,
-    longest: Duration,
+/// Returns the pauses between attempts.
+fn backoff(options: &ReconnectOptions) -> Peekable<ExponentialBackoff> {
+    let first = options.initial_backoff.max(MIN_BACKOFF);
+    ExponentialBuilder::new()
+        .with_min_delay(first)
+        .with_max_delay(options.max_backoff.max(first))
+        .without_max_times()
+        .build()
+        .peekable()
 }
 
-impl Backoff {
-    fn new(options: &ReconnectOptions) -> Self {
-        let first = options.initial_backoff.max(MIN_BACKOFF);
-        Self {
-            next: first,
-            first,
-            longest: options.max_backoff.max(first),
-        }
-    }
-
-    fn next(&mut self) -> Duration {
-        let delay = self.next;
-        self.next = (2 * delay).min(self.longest);
-        delay
-    }
-
-    /// Records the duration of a connection. A reader that closes connections at once is retried no
-    /// more often than an unreachable one.
-    fn record_uptime(&mut self, time: Duration) {
-        if time >= self.next {
-            self.next = self.first;
-        }
+/// Returns the pauses after a connection that was open for this long. A reader that closes connections at once is retried no more
+/// often than an unreachable one.
+fn backoff_after(
+    uptime: Duration,
+    mut pauses: Peekable<ExponentialBackoff>,
+    options: &ReconnectOptions,
+) -> Peekable<ExponentialBackoff> {
+    match pauses.peek().is_some_and(|pause| uptime >= *pause) {
+        true => backoff(options),
+        false => pauses,
     }
 }
 
@@ -310,22 +305,22 @@ mod tests {
     #[test]
     fn backoff_doubles_up_to_its_maximum() {
         let seconds = Duration::from_secs;
-        let mut backoff = Backoff::new(&ReconnectOptions::new().backoff(seconds(1), seconds(5)));
-        assert_eq!(
-            [(); 5].map(|()| backoff.next()),
-            [1, 2, 4, 5, 5].map(seconds)
-        );
-        backoff.record_uptime(seconds(4));
-        assert_eq!(backoff.next(), seconds(5));
-        backoff.record_uptime(seconds(5));
-        assert_eq!([(); 2].map(|()| backoff.next()), [1, 2].map(seconds));
+        let options = ReconnectOptions::new().backoff(seconds(1), seconds(5));
+        let mut pauses = backoff(&options);
+        let first: Vec<_> = pauses.by_ref().take(5).collect();
+        assert_eq!(first, [1, 2, 4, 5, 5].map(seconds));
+        let mut pauses = backoff_after(seconds(4), pauses, &options);
+        assert_eq!(pauses.next(), Some(seconds(5)));
+        let pauses = backoff_after(seconds(5), pauses, &options);
+        let anew: Vec<_> = pauses.take(2).collect();
+        assert_eq!(anew, [1, 2].map(seconds));
     }
 
     #[test]
     fn backoff_is_never_zero() {
-        let mut backoff =
-            Backoff::new(&ReconnectOptions::new().backoff(Duration::ZERO, Duration::ZERO));
-        backoff.record_uptime(Duration::ZERO);
-        assert_eq!([(); 3].map(|()| backoff.next()), [MIN_BACKOFF; 3]);
+        let options = ReconnectOptions::new().backoff(Duration::ZERO, Duration::ZERO);
+        let pauses = backoff_after(Duration::ZERO, backoff(&options), &options);
+        let pauses: Vec<_> = pauses.take(3).collect();
+        assert_eq!(pauses, [MIN_BACKOFF; 3]);
     }
 }

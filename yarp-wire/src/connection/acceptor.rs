@@ -12,7 +12,7 @@ use crate::http::{Admission, Gate, Head, HeadSearch, Request, Response, Service}
 use crate::message::{Command, Form, WireObject};
 use crate::message_limits::Limits;
 use crate::protocol::{
-    Handshake, HandshakeDecoder, Incoming, Message, MessageDecoder, ProtocolError,
+    Handshake, HandshakeDecoder, Incoming, Message, MessageDecoder, PayloadKind, ProtocolError,
 };
 use crate::ready::Ready;
 use crate::wire_version::WireVersion;
@@ -197,15 +197,20 @@ impl Acceptor {
         }
     }
 
-    /// Returns the reply of [`reply`](Self::reply) as bytes that are not copied, if it is a
-    /// [shared text](WireObject::shared_text) and no frame is around it.
+    /// Returns the reply of [`reply`](Self::reply) as bytes that are not copied, if it has
+    /// [shared bytes](WireObject::shared_bytes) and no frame is around it.
     pub fn shared_reply(&self, object: &dyn WireObject) -> Option<Bytes> {
-        match &self.state {
-            State::Open(carrier, _) if !carrier.protocol.frames_replies() => {
-                object.shared_text().cloned()
-            }
-            _ => None,
+        let State::Open(carrier, _) = &self.state else {
+            return None;
+        };
+        if carrier.protocol.frames_replies() {
+            return None;
         }
+        let form = match carrier.protocol.payload_kind() {
+            PayloadKind::Binary | PayloadKind::Jpeg => Form::Binary(self.wire_version),
+            PayloadKind::Text | PayloadKind::Page => Form::Text,
+        };
+        object.shared_bytes(form).cloned()
     }
 
     /// Returns the writing side of the same connection, once the peer has become its reader; `None` before

@@ -10,7 +10,7 @@ use crate::message_limits::Limits;
 use crate::wire_version::WireVersion;
 
 /// The form of a payload as received.
-#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+#[derive(Clone, Copy, Debug, Eq, Hash, PartialEq)]
 pub enum Form {
     /// Binary, most likely of this wire version.
     Binary(WireVersion),

@@ -35,8 +35,8 @@ pub trait WireObject {
         out.put_slice(b"\n");
     }
 
-    /// Returns the bytes, if this is a text that is sent unchanged on every carrier, and that many replies share.
-    fn shared_text(&self) -> Option<&Bytes> {
+    /// Returns the bytes of this form, if many replies share them.
+    fn shared_bytes(&self, _form: Form) -> Option<&Bytes> {
         None
     }
 }
@@ -98,8 +98,8 @@ impl<T: WireObject + ?Sized> WireObject for Arc<T> {
         (**self).write_text(out);
     }
 
-    fn shared_text(&self) -> Option<&Bytes> {
-        (**self).shared_text()
+    fn shared_bytes(&self, form: Form) -> Option<&Bytes> {
+        (**self).shared_bytes(form)
     }
 }
 

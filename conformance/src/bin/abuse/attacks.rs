@@ -40,6 +40,7 @@ pub(crate) enum Attack {
     Forms,
     PipelinedStatus,
     PipelinedLists,
+    PipelinedBottles,
     EmptyFrames,
     NestedText,
     NestedTextPlain,
@@ -61,12 +62,13 @@ pub(crate) struct Outcome {
 }
 
 impl Attack {
-    pub(crate) const ALL: [Self; 13] = [
+    pub(crate) const ALL: [Self; 14] = [
         Self::EndlessNames,
         Self::LongNames,
         Self::Forms,
         Self::PipelinedStatus,
         Self::PipelinedLists,
+        Self::PipelinedBottles,
         Self::EmptyFrames,
         Self::NestedText,
         Self::NestedTextPlain,
@@ -84,6 +86,7 @@ impl Attack {
             Self::Forms => "forms",
             Self::PipelinedStatus => "pipelined-status",
             Self::PipelinedLists => "pipelined-lists",
+            Self::PipelinedBottles => "pipelined-bottles",
             Self::EmptyFrames => "empty-frames",
             Self::NestedText => "nested-text",
             Self::NestedTextPlain => "nested-text-plain",
@@ -106,7 +109,12 @@ impl Attack {
     /// From one connection that does not read its replies, or that opens again for each line, it takes less.
     pub(crate) fn least(self, bytes: usize, connections: usize) -> usize {
         match self {
-            Self::LongNames | Self::PipelinedStatus | Self::PipelinedLists if connections == 1 => {
+            Self::LongNames
+            | Self::PipelinedStatus
+            | Self::PipelinedLists
+            | Self::PipelinedBottles
+                if connections == 1 =>
+            {
                 bytes / 8
             }
             _ => bytes / connections * connections,
@@ -124,9 +132,11 @@ impl Attack {
         bytes: usize,
     ) -> Outcome {
         let target = match self {
-            Self::Forms | Self::PipelinedLists | Self::NameProperties | Self::Registrations => {
-                targets.names
-            }
+            Self::Forms
+            | Self::PipelinedLists
+            | Self::PipelinedBottles
+            | Self::NameProperties
+            | Self::Registrations => targets.names,
             // Devices limit requests; other ports take what messages may have.
             Self::NestedTextPlain | Self::ManyValues => targets.plain,
             _ => targets.arm,
@@ -183,22 +193,12 @@ impl Attack {
                 to.greet(tag)?;
                 to.repeat(&b"d\r\nlist\r\n".repeat(PIECE / 9))
             }
-            Self::EmptyFrames => {
-                to.send(
-                    b"GET /?ws HTTP/1.1\r\nHost: 127.0.0.1\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n\
-                    Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nSec-WebSocket-Version: 13\r\n\r\n",
-                )?;
-                to.expect("HTTP/1.1 101")?;
-                // A spelled command without its end, in one frame; then frames without content.
-                let content = 3_900_000_u64;
-                to.send(&[0x82, 0xff])?;
-                to.send(&content.to_be_bytes())?;
-                to.send(&[0; 4])?;
-                for _ in 0..content / 60_000 {
-                    to.send(&[b'a'; 60_000])?;
-                }
-                to.repeat(&[0x82, 0x80, 0, 0, 0, 0].repeat(PIECE / 6))
+            Self::PipelinedBottles => {
+                to.register_listed_names(tag)?;
+                to.greet(tag)?;
+                to.repeat(&b"d\r\nbot list\r\n".repeat(PIECE / 13))
             }
+            Self::EmptyFrames => to.empty_frames(),
             Self::NestedText | Self::NestedTextPlain => {
                 to.greet(tag)?;
                 let words = to.bytes.min(MAX_LINE) / 2;
@@ -461,6 +461,24 @@ impl Attacker {
         }
         self.end();
         self.connect()
+    }
+
+    /// Sends frames without content on a WebSocket.
+    fn empty_frames(&mut self) -> Option<()> {
+        self.send(
+            b"GET /?ws HTTP/1.1\r\nHost: 127.0.0.1\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n\
+            Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nSec-WebSocket-Version: 13\r\n\r\n",
+        )?;
+        self.expect("HTTP/1.1 101")?;
+        // A spelled command without its end, in one frame; then frames without content.
+        let content = 3_900_000_u64;
+        self.send(&[0x82, 0xff])?;
+        self.send(&content.to_be_bytes())?;
+        self.send(&[0; 4])?;
+        for _ in 0..content / 60_000 {
+            self.send(&[b'a'; 60_000])?;
+        }
+        self.repeat(&[0x82, 0x80, 0, 0, 0, 0].repeat(PIECE / 6))
     }
 
     /// Begins a connection of the text carrier.

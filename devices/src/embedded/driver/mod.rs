@@ -19,7 +19,7 @@ use self::driver_session::{End, Session};
 use self::driver_state::{Goal, Shared};
 pub use self::driver_state::{LinkState, LinkStatus};
 use self::pending_requests::PendingRequest;
-use super::backoff::Backoff;
+use super::backoff;
 use super::link_error::{LinkError, LinkErrorKind};
 use super::link_setup::{LinkAddresses, LinkConnector, LinkMode, join};
 use super::protocol::{MAX_JOINTS, Reply, Request};
@@ -214,14 +214,15 @@ impl Shared {
     /// The life of the thread: connect, serve, and again.
     fn run(&self, connector: &LinkConnector) {
         let options = &self.options;
-        let mut backoff = Backoff::new(options.initial_backoff, options.max_backoff);
+        let new_pauses = || backoff::backoff(options.initial_backoff, options.max_backoff);
+        let mut pauses = new_pauses();
         while !self.ending.load(Ordering::Acquire) {
             let error = match connector.connect(&self.ending) {
                 Ok(None) => break,
                 Ok(Some(pair)) => {
                     let (opened, end) = Session::run(self, connector, pair);
                     if opened {
-                        backoff.reset();
+                        pauses = new_pauses();
                     }
                     match end {
                         End::Asked => break,
@@ -234,7 +235,7 @@ impl Shared {
                 },
             };
             self.lose(&error);
-            backoff.wait(&self.ending);
+            backoff::wait(&mut pauses, &self.ending);
         }
         self.lock().close(&LinkError {
             step: "going on".to_owned(),

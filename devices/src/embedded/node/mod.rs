@@ -15,7 +15,7 @@ use tracing::{info, warn};
 use self::node_arm::Arm;
 pub use self::node_arm::CartesianMoves;
 use self::node_session::{End, Session};
-use super::backoff::Backoff;
+use super::backoff;
 use super::link_setup::{LinkAddresses, LinkConnector, LinkMode, join};
 use crate::{Device, DeviceError};
 
@@ -141,7 +141,8 @@ impl Drop for WamNode {
 
 impl Shared {
     fn run(&self, connector: &LinkConnector, mut arm: Arm, options: &NodeOptions) {
-        let mut backoff = Backoff::new(options.initial_backoff, options.max_backoff);
+        let new_pauses = || backoff::backoff(options.initial_backoff, options.max_backoff);
+        let mut pauses = new_pauses();
         let mut last_error = String::new();
         while !self.ending.load(Ordering::Acquire) {
             match connector.connect(&self.ending) {
@@ -155,7 +156,7 @@ impl Shared {
                     let (served, end) = Session::run(self, connector, &mut arm, options, pair);
                     arm.hold();
                     if served > 0 {
-                        backoff.reset();
+                        pauses = new_pauses();
                     }
                     match &end {
                         End::Shutdown => info!("the client closed the session; the arm holds"),
@@ -173,7 +174,7 @@ impl Shared {
                     }
                 }
             }
-            backoff.wait(&self.ending);
+            backoff::wait(&mut pauses, &self.ending);
         }
         arm.hold();
     }

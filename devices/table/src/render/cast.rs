@@ -4,8 +4,9 @@ use std::sync::Mutex;
 
 use nalgebra::Matrix3;
 
+use super::hit::{Hit, Vector};
 use super::light::{Bound, Light};
-use super::primitive::{Hit, Primitive, Vector};
+use super::primitive::Primitive;
 use super::tile::{self, Casters, Directions, Frustum, Sights, TILE};
 use super::{THREADS, next, work};
 use crate::table_scene::{Scene, Table};

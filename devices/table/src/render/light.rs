@@ -3,7 +3,8 @@
 use std::f32::consts::TAU;
 use std::sync::Mutex;
 
-use super::primitive::{Primitive, Vector};
+use super::hit::Vector;
+use super::primitive::Primitive;
 use super::{THREADS, work};
 use crate::random::hash;
 use crate::table_scene::{Scene, Table};

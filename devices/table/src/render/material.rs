@@ -1,6 +1,6 @@
 //! Appearance of a surface at the point where a ray meets it.
 
-use super::primitive::{Hit, Vector};
+use super::hit::{Hit, Vector};
 use crate::bricks::{BrickKind, Face};
 use crate::texture::{self, PRINT_DENSITY};
 

@@ -11,6 +11,7 @@
 //! | `film` | what lens and sensor add |
 
 mod cast;
+mod hit;
 mod light;
 mod material;
 mod primitive;

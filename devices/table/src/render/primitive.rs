@@ -2,10 +2,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::hit::{Hit, Vector};
 use super::material::Material;
-
-/// A vector of single precision.
-pub(super) type Vector = Vector3<f32>;
 
 /// A solid in its own frame.
 #[derive(Clone, Copy, Debug)]
@@ -39,19 +37,6 @@ pub(super) struct Primitive {
     pub(super) material: Material,
     /// Part of the light that does not pass.
     pub(super) opacity: f32,
-}
-
-/// Intersection of a ray with a solid.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Hit {
-    /// In lengths of the ray's direction.
-    pub(super) distance: f32,
-    /// Outward, in the frame of the solid.
-    pub(super) normal: Vector,
-    /// In the frame of the solid.
-    pub(super) place: Vector,
-    /// Index of the face.
-    pub(super) face: u8,
 }
 
 /// Shortest distance at which a ray meets a solid, in lengths of its direction.

@@ -3,8 +3,9 @@
 use nalgebra::{Matrix3, Point3, Rotation3, Unit, Vector3};
 use yarp_devices::wam::WamModel;
 
+use super::hit::Vector;
 use super::material::Material;
-use super::primitive::{Primitive, Solid, Vector};
+use super::primitive::{Primitive, Solid};
 use crate::object::{Object, Shape};
 use crate::simulated_robot::{self, RobotPosture};
 use crate::{Camera, MountedBoard, Pose, Scene};

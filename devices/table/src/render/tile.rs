@@ -2,8 +2,9 @@
 
 use nalgebra::Matrix3;
 
+use super::hit::{Hit, Vector};
 use super::light::{Bound, Light};
-use super::primitive::{Hit, Primitive, Vector};
+use super::primitive::Primitive;
 use crate::Camera;
 
 /// Side of the squares for which solids are listed, pixels.

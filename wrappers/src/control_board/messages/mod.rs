@@ -48,10 +48,9 @@ pub(crate) use board_thrift_calls::FUNCTIONS;
 pub use extended_state::{Field, JointData};
 pub use motion_update::{MotionEnd, MotionState, MotionUpdate, Numbered};
 pub(crate) use number_parsing::{axis, count, float, floats, integer};
-pub(crate) use reply_layout::read_flag;
 pub(crate) use request_spelling::Spelling;
 pub use request_table::{Action, Quantity, Query, Set, Setting};
-pub(crate) use results::{Choices, Outcome};
+pub(crate) use results::{Choices, Outcome, read_flag};
 pub use streaming_command::{Command, StreamingCommand};
 pub(crate) use variable_value::{read as read_variable, to_values as variable_values};
 

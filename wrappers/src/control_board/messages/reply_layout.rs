@@ -3,8 +3,8 @@
 //! A server replies with [`Item`]s, laid out as in 4.0; 3.x puts some of them into lists, and gains in another order.
 //! A client gets [`Value`]s in that same layout, from either wire version.
 
-use yarp_devices::{Pid, VariableValue};
-use yarp_wire::{Stamp, Value, Vocab32, WireVersion};
+use yarp_devices::VariableValue;
+use yarp_wire::{Stamp, Value, WireVersion};
 
 use super::axis_selection::{Form, Selection};
 use super::board_reply::Reply;
@@ -12,20 +12,10 @@ use super::board_request::Get;
 use super::board_vocabulary as word;
 use super::pid_messages;
 use super::request_table::{Quantity, Query};
-use super::results::Outcome;
+use super::results::{Outcome, gains, read_gains};
 use crate::thrift::Item;
 
 const V3: WireVersion = WireVersion::V3;
-const V4: WireVersion = WireVersion::V4;
-/// The gains of a loop as a result.
-pub(crate) fn gains(pid: &Pid) -> Item {
-    Item::List(pid_messages::gains(pid, V4).map(Item::F64).to_vec())
-}
-
-/// The gains of a loop from a result.
-pub(crate) fn read_gains(value: &Value) -> Option<Pid> {
-    pid_messages::read_gains(value.as_list()?, V4)
-}
 
 impl Get {
     /// The results that accompany an error in 4.0, where all are present even then.
@@ -170,10 +160,4 @@ enum Layout {
     NoEcho,
     /// `.. [tsta] count time [ok]`
     Bare,
-}
-
-/// A truth value in a result: 3.x has 0 and 1, 4.0 `[fail]` and `[ok]`.
-pub(crate) fn read_flag(value: &Value) -> Option<bool> {
-    let word = value.as_vocab()?;
-    Some(word != Vocab32::FAIL && word.code() != 0)
 }

@@ -9,7 +9,6 @@ use yarp_wire::{Bottle, Value, Vocab32, WireVersion};
 use super::board_reply::{joint_type_from_value, joint_type_to_value};
 use super::board_vocabulary as word;
 use super::number_parsing::{float, floats};
-use super::reply_layout::{gains, read_flag, read_gains};
 use super::{pid_messages, variable_value};
 use crate::thrift::Item;
 
@@ -30,6 +29,26 @@ pub(crate) trait Outcome: Sized {
 /// Everything that an axis can be set to; a list also for one axis.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Choices<T>(pub(crate) Vec<T>);
+
+/// Returns the gains of a loop as a result.
+pub(super) fn gains(pid: &Pid) -> Item {
+    Item::List(
+        pid_messages::gains(pid, WireVersion::V4)
+            .map(Item::F64)
+            .to_vec(),
+    )
+}
+
+/// Returns the gains of a loop from a result.
+pub(super) fn read_gains(value: &Value) -> Option<Pid> {
+    pid_messages::read_gains(value.as_list()?, WireVersion::V4)
+}
+
+/// Reads a truth value in a result: 3.x has 0 and 1, 4.0 `[fail]` and `[ok]`.
+pub(crate) fn read_flag(value: &Value) -> Option<bool> {
+    let word = value.as_vocab()?;
+    Some(word != Vocab32::FAIL && word.code() != 0)
+}
 
 impl Outcome for usize {
     fn into_items(self, _: bool) -> Vec<Item> {
