@@ -37,6 +37,7 @@ thread_local! {
 }
 
 /// Returns an empty buffer, with the capacity of an earlier message if available.
+#[inline]
 fn spare() -> Pieces {
     if !Optimisation::BufferReuse.is_enabled() {
         return Pieces::default();
@@ -45,6 +46,7 @@ fn spare() -> Pieces {
 }
 
 /// Keeps a buffer for the next message of this thread.
+#[inline]
 pub(crate) fn keep_form(form: Form) {
     let mut pieces = form.pieces;
     SPARE_BUFFERS.with_borrow_mut(|spares| {

@@ -7,7 +7,7 @@ use super::counters::PortCounters;
 use super::log_modifier::{self, LoggedMessage};
 use super::monitor::{Arbiter, Attached, Chain, ChainBuilder};
 use super::port_context::PortContext;
-use super::port_options::{Input, Serving};
+use super::port_options::{Handler, Input, Serving};
 use super::receive_queue::ReceiveQueue;
 use super::received_message::{Answer, Received, Reply};
 use super::reply_channel::{ReplyPool, ReplyReceiver};
@@ -88,9 +88,12 @@ impl Dispatcher {
         Some(received)
     }
 
-    /// Returns whether the owner reads messages as they are dispatched.
-    pub(super) fn reads_at_once(&self) -> bool {
-        matches!(self.port.options.input, Input::Handler(_))
+    /// Returns the handler with which the owner reads messages as they are dispatched.
+    pub(super) fn handler(&self) -> Option<&Handler> {
+        match &self.port.options.input {
+            Input::Handler(handler) => Some(handler),
+            _ => None,
+        }
     }
 
     /// Returns whether messages that arrive have more to pass than the owner's queue.

@@ -24,7 +24,7 @@ const LINES_LIMIT: usize = 1000;
 impl Connection {
     /// Answers an HTTP request; the connection closes after the answer, or becomes an output of the
     /// port.
-    pub(super) async fn browse(&mut self, mut request: Request) -> Next {
+    pub(super) async fn browse(&mut self, mut request: Box<Request>) -> Next {
         let size = request.target.len() + request.form_length();
         // Before it waits for its turn: a hundred forms that wait take a hundred times their length.
         let Ok(_reservation) = reserve_large(size, || MAX_VALUES_SIZE) else {

@@ -533,6 +533,7 @@ impl Connection {
     }
 
     /// Returns whether the roles in force now give the peer this right.
+    #[inline]
     pub(super) fn may(&mut self, right: Right) -> bool {
         let roles = self.parts.context.network.roles();
         let generation = roles.generation();

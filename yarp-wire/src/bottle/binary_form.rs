@@ -261,8 +261,8 @@ impl Bottle {
         wire_version: WireVersion,
         limits: Limits,
     ) -> Result<Self, DecodeError> {
-        let scanner = scan_whole(bytes, wire_version, limits)?;
-        read(bytes, &scanner, wire_version, limits)
+        let found = scan_whole(bytes, wire_version, limits)?;
+        read(bytes, found.values, wire_version, limits)
     }
 
     /// Reads the bottle at the start of `bytes`, and returns its length in bytes.
@@ -273,7 +273,10 @@ impl Bottle {
     ) -> Result<(Self, usize), DecodeError> {
         let mut scanner = Scanner::new(wire_version, limits);
         match scanner.scan(bytes)? {
-            Scan::Complete { length } => Ok((read(bytes, &scanner, wire_version, limits)?, length)),
+            Scan::Complete { length } => {
+                let bottle = read(bytes, scanner.values(), wire_version, limits)?;
+                Ok((bottle, length))
+            }
             Scan::Needs { at_least } => Err(DecodeError::Truncated {
                 have: bytes.len(),
                 need: at_least,
@@ -289,29 +292,39 @@ impl Bottle {
         expected: WireVersion,
         limits: Limits,
     ) -> Result<(Self, Option<WireVersion>), DecodeError> {
-        let (wire_version, scanner) = match scan_whole(bytes, expected, limits) {
-            Ok(scanner) => (expected, scanner),
+        let (wire_version, found) = match scan_whole(bytes, expected, limits) {
+            Ok(found) => (expected, found),
             Err(error) => {
                 let other = expected.other();
-                let scanner = scan_whole(bytes, other, limits).map_err(|_| error)?;
-                (other, scanner)
+                let found = scan_whole(bytes, other, limits).map_err(|_| error)?;
+                (other, found)
             }
         };
-        let bottle = read(bytes, &scanner, wire_version, limits)?;
-        Ok((bottle, scanner.version_detected().then_some(wire_version)))
+        let bottle = read(bytes, found.values, wire_version, limits)?;
+        Ok((bottle, found.version_detected.then_some(wire_version)))
     }
 }
 
-/// Checks that a bottle of `wire_version` fills `bytes` exactly; returns the scanner with its
-/// findings.
+/// The findings of a scan, without the scanner, which takes more to move than to use.
+struct Scanned {
+    values: u64,
+    values_size: usize,
+    version_detected: bool,
+}
+
+/// Checks that a bottle of `wire_version` fills `bytes` exactly.
 fn scan_whole(
     bytes: &[u8],
     wire_version: WireVersion,
     limits: Limits,
-) -> Result<Scanner, DecodeError> {
+) -> Result<Scanned, DecodeError> {
     let mut scanner = Scanner::new(wire_version, limits);
     match scanner.scan(bytes)? {
-        Scan::Complete { length } if length == bytes.len() => Ok(scanner),
+        Scan::Complete { length } if length == bytes.len() => Ok(Scanned {
+            values: scanner.values(),
+            values_size: scanner.values_size(),
+            version_detected: scanner.version_detected(),
+        }),
         Scan::Complete { length } => Err(DecodeError::Trailing {
             length,
             extra: bytes.len() - length,
@@ -323,14 +336,14 @@ fn scan_whole(
     }
 }
 
-/// Reads the bottle at the start of bytes that `scanner` has checked.
+/// Reads the bottle at the start of bytes in which a scan has found this many values.
 fn read(
     bytes: &Bytes,
-    scanner: &Scanner,
+    values: u64,
     wire_version: WireVersion,
     limits: Limits,
 ) -> Result<Bottle, DecodeError> {
-    if scanner.values() > limits.values as u64 {
+    if values > limits.values as u64 {
         let limit = limits.values;
         return Err(DecodeError::TooMany { limit });
     }
@@ -346,8 +359,8 @@ fn read(
 /// bottle of `wire_version` with values within the default limits.
 pub(crate) fn max_decoded_size(bytes: &[u8], wire_version: WireVersion) -> Option<usize> {
     let limits = Limits::DEFAULT;
-    let scanner = scan_whole(bytes, wire_version, limits).ok()?;
-    (scanner.values() <= limits.values as u64).then(|| scanner.values_size())
+    let found = scan_whole(bytes, wire_version, limits).ok()?;
+    (found.values <= limits.values as u64).then_some(found.values_size)
 }
 
 /// Detects the wire version from the bytes of one whole message.
@@ -355,11 +368,8 @@ pub(crate) fn max_decoded_size(bytes: &[u8], wire_version: WireVersion) -> Optio
 /// `None` if both wire versions read the bytes alike, or neither can read them.
 pub fn detect(bytes: &[u8], limits: Limits) -> Option<WireVersion> {
     let reads = |wire_version| {
-        Some(
-            scan_whole(bytes, wire_version, limits)
-                .ok()?
-                .version_detected(),
-        )
+        let found = scan_whole(bytes, wire_version, limits).ok()?;
+        Some(found.version_detected)
     };
     match (reads(WireVersion::V3), reads(WireVersion::V4)) {
         (Some(true), None) => Some(WireVersion::V3),

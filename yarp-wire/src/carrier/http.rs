@@ -106,6 +106,6 @@ impl MessageDecoder for HttpRequestDecoder {
     ) -> Ready<Incoming, ProtocolError> {
         let request = self.reader.read(input, self.limits);
         let request = request.map_err(|error| unreadable(error, output))?;
-        Ok(request.map(Incoming::Request))
+        Ok(request.map(|request| Incoming::Request(Box::new(request))))
     }
 }

@@ -33,7 +33,7 @@ pub enum Event {
     /// A message. Answer it with [`Acceptor::reply`] and [`Acceptor::acknowledge`] as required.
     Message(Message),
     /// An HTTP request; the driver answers it completely, and the connection closes.
-    HttpRequest(Request),
+    HttpRequest(Box<Request>),
 }
 
 /// The side of a connection that listened.

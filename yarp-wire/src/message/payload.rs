@@ -85,8 +85,12 @@ impl Payload {
     }
 
     /// Returns the number of bytes.
+    #[inline]
     pub fn len(&self) -> usize {
-        self.pieces().iter().map(Bytes::len).sum()
+        match &self.content {
+            Content::Whole(bytes) | Content::Written(bytes) => bytes.len(),
+            Content::Pieces(pieces) => pieces.iter().map(Bytes::len).sum(),
+        }
     }
 
     /// Returns whether there are none.

@@ -214,8 +214,8 @@ pub trait MessageDecoder: fmt::Debug + Send + Sync {
 pub enum Incoming {
     /// A message.
     Message(Message),
-    /// An HTTP request.
-    Request(Request),
+    /// An HTTP request. Boxed: it is larger than a message, and each event is moved several times.
+    Request(Box<Request>),
 }
 
 /// One message of a connection.

@@ -11,6 +11,7 @@ use crate::port::admin_reply;
 use crate::port::dispatch::Dispatched;
 use crate::port::large_messages::{read_bottle, run_large, takes_long};
 use crate::port::log_modifier;
+use crate::port::port_options::Handler;
 use crate::port::received_message::{Answer, Received, Reply, ValuesReservation};
 use crate::port::text_commands::{HELP, NOT_UNDERSTOOD};
 use crate::roles::Right;
@@ -56,7 +57,7 @@ impl Connection {
             return Step::Command(Command::Data { reply, envelope }, payload);
         }
         self.meter.count(payload.len(), envelope.as_deref());
-        let received = Received {
+        let mut received = Received {
             payload,
             envelope,
             from: self.from.clone(),
@@ -66,7 +67,12 @@ impl Connection {
             reservation: ValuesReservation::default(),
             connection: self.number,
         };
-        let answer = match self.dispatch(received) {
+        let dispatch = match self.direct_handler(&received.payload) {
+            // Most messages go this way, which does not move them.
+            Some(handler) => Dispatch::Direct(Dispatched::Answered(handler(&mut received))),
+            None => self.dispatch(received),
+        };
+        let answer = match dispatch {
             Dispatch::Direct(Dispatched::Answered(Answer::Nothing)) => (None, false),
             Dispatch::Direct(Dispatched::Answered(Answer::Reply(reply))) => (Some(reply), false),
             dispatch => return Step::Dispatch(dispatch, reply),
@@ -143,12 +149,20 @@ impl Connection {
         self.finish(dispatch).await
     }
 
+    /// Returns the handler of the owner, unless monitors or loggers come first or reading the message takes long.
+    fn direct_handler(&self, payload: &Payload) -> Option<&Handler> {
+        let dispatcher = &self.parts.dispatcher;
+        let handler = dispatcher.handler()?;
+        let is_direct = self.monitors.is_none() && !dispatcher.is_watched() && !takes_long(payload);
+        is_direct.then_some(handler)
+    }
+
     /// Dispatches a message to the owner directly, unless monitors or loggers are involved or reading it takes long.
     fn dispatch(&self, received: Received) -> Dispatch {
         let dispatcher = &self.parts.dispatcher;
         if self.monitors.is_some() || dispatcher.is_watched() {
             Dispatch::Watched(received)
-        } else if takes_long(&received.payload) && dispatcher.reads_at_once() {
+        } else if takes_long(&received.payload) && dispatcher.handler().is_some() {
             Dispatch::Large(received)
         } else {
             Dispatch::Direct(dispatcher.dispatch(received))
