@@ -37,7 +37,7 @@ wait $child
 SHELL = 'sh -c "echo begin; while read a; do echo got $a; done"'
 
 
-class Desk:
+class Server:
     """A server of commands that finds the script."""
 
     def __init__(self, folder, name, command):
@@ -103,26 +103,26 @@ def masked(reply):
     return re.sub(r"^\d+$|(?<=pid=)\d+|(?<=/)\d+(?=/)|-\d+$", "9", reply, flags=re.MULTILINE)
 
 
-def play(client, host, desk, more):
-    """Runs a command on `host` with a terminal on `desk`; gives the masked reply."""
+def play(client, host, terminal, more):
+    """Runs a command on `host` with a terminal on `terminal`; gives the masked reply."""
     tag = "tag"
     for name in ("screen", "pid"):
-        desk.write(name, "")
-    code, reply = ask(client, host.name, "--as", tag, "--stdio", desk.name, *more, "--cmd", SHELL)
+        terminal.write(name, "")
+    code, reply = ask(client, host.name, "--as", tag, "--stdio", terminal.name, *more, "--cmd", SHELL)
     check("  it starts", code == 0, reply.replace("\n", "|"))
     line = "hello terminal\n"
 
     def is_shown():
-        desk.type(line)
-        return "got hello terminal\n" in desk.screen()
+        terminal.type(line)
+        return "got hello terminal\n" in terminal.screen()
 
-    check("  what is typed reaches the command, and its output the terminal", becomes_true(is_shown), desk.read("screen"))
+    check("  what is typed reaches the command, and its output the terminal", becomes_true(is_shown), terminal.read("screen"))
     same("  the command runs", ask(client, host.name, "--isrunning", tag)[0], 0)
     same("  it is asked to end", ask(client, host.name, "--sigterm", tag)[0], 0)
-    check("  the terminal closes", becomes_true(lambda: not desk.window_runs()))
+    check("  the terminal closes", becomes_true(lambda: not terminal.window_runs()))
     check("  no name is left", becomes_true(lambda: f"{host.name}/" not in names()), names())
-    arguments = desk.read("arguments").partition(" -e ")[0]
-    return masked(reply.replace(host.name, "HOST").replace(desk.name, "DESK")), arguments
+    arguments = terminal.read("arguments").partition(" -e ")[0]
+    return masked(reply.replace(host.name, "HOST").replace(terminal.name, "TERMINAL")), arguments
 
 
 def names():
@@ -136,7 +136,7 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         servers = {}
         for who, command in (("ours", [*ours, "--insecure"]), ("stock", stock)):
-            servers[who] = [Desk(folder, f"/terminals/{who}{number}", command) for number in (1, 2)]
+            servers[who] = [Server(folder, f"/terminals/{who}{number}", command) for number in (1, 2)]
         try:
             for server in (*servers["ours"], *servers["stock"]):
                 if not becomes_true(lambda: f"{server.name} " in names()):
@@ -146,11 +146,11 @@ def main():
             for number in (1, 0):
                 for client in ("stock", "ours"):
                     for host in ("stock", "ours"):
-                        for desk in ("stock", "ours") if number else (host,):
+                        for terminal in ("stock", "ours") if number else (host,):
                             where = "on another server" if number else "on the same server"
-                            print(f"client {client}, command {host}, terminal {desk}, {where}", flush=True)
+                            print(f"client {client}, command {host}, terminal {terminal}, {where}", flush=True)
                             more = ("--geometry", "80x24+1+2") if number else ()
-                            played = play(clients[client], servers[host][0], servers[desk][number], more)
+                            played = play(clients[client], servers[host][0], servers[terminal][number], more)
                             # Stock with itself comes first.
                             same("  reply and terminal are as with stock alone", played, expected.setdefault(number, played))
             window = servers["ours"][1]
