@@ -130,6 +130,23 @@ fn session_port(home: &Home, end: &str) -> String {
     })
 }
 
+/// Sends a request as a browser does, which is not answered.
+#[track_caller]
+fn no_page(home: &Home, port: &str) {
+    let endpoint = home.run(&format!("name query {port}"));
+    let words: Vec<&str> = endpoint.out[0].split(' ').collect();
+    let place = words.iter().position(|word| *word == "ip").unwrap();
+    let mut browser =
+        TcpStream::connect((words[place + 1], words[place + 3].parse().unwrap())).unwrap();
+    browser
+        .write_all(b"GET /?req=browser HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        .unwrap();
+    let mut page = Vec::new();
+    let _ = browser.read_to_end(&mut page);
+    let page = String::from_utf8_lossy(&page);
+    assert!(!page.contains("200 OK"), "{page}");
+}
+
 #[test]
 fn a_terminal_shows_output_and_passes_input() {
     for stdio in ["/host", "/desk"] {
@@ -273,6 +290,16 @@ fn a_server_may_have_another_terminal_program() {
     window.shows("here\n");
 }
 
+/// Errors of a terminal that nobody reads any more ended it.
+#[test]
+fn a_terminal_has_no_streams_of_its_server() {
+    let script = format!("cat > /dev/null\necho noise\nseq 20000 >&2 || exit 1\n{WINDOW}");
+    let (home, _name_server, window, host) = start_network(&script);
+    start(&home, "/host", "echo here; read a", &[]).with(0);
+    window.shows("here\n");
+    assert!(!host.printed().contains(&"noise".to_owned()));
+}
+
 /// Such programs leave their window to a process that runs already.
 #[test]
 fn a_terminal_program_may_leave_its_window_to_another_process() {
@@ -370,13 +397,61 @@ fn output_waits_for_a_terminal_for_a_bounded_time() {
     let mut terminal_server = home
         .start("rpcserver /desk")
         .see("Waiting for a message...");
-    terminal_server.type_text("17 started\nok\n");
+    terminal_server.type_text("17 started\nok\n17 started\nok\n");
     let file = home.path().join("made");
     // More than a pipe holds.
     let shell = format!("seq 100000; touch {}", file.display());
     start(&home, "/desk", &shell, &[]).with(0);
     until("end of the command", || file.exists().then_some(()));
     no_session_left(&home);
+    // So does the reason why a command does not start.
+    let words = ["--as", "t", "--stdio", "/desk", "--cmd", "/no/such/program"];
+    ask(&home, &words).with(2);
+    no_session_left(&home);
+}
+
+#[test]
+fn output_may_end_within_a_character() {
+    let (home, _name_server, window, _host) = start_network(WINDOW);
+    start(&home, "/host", "printf 'é \\303'", &[]).with(0);
+    window.shows("é \u{fffd}");
+    no_session_left(&home);
+}
+
+/// A writer that waits for the command kept its session.
+#[test]
+fn input_that_nobody_reads_does_not_keep_the_session() {
+    let (home, _name_server, window, _host) = start_network(WINDOW);
+    start(&home, "/host", "echo begin; exec sleep 1000", &[]).with(0);
+    window.shows("begin\n");
+    // More than the pipe of the command holds, but not more than that and the keyboard.
+    window.type_text(&"a line of input\n".repeat(6000));
+    ask(&home, &["--sigterm", "t"]).with(0);
+    gone(window.process());
+    no_session_left(&home);
+}
+
+#[test]
+fn a_session_whose_port_is_taken_leaves_nothing() {
+    let (home, _name_server, window, host) = start_network(WINDOW);
+    let taken = format!("/host/{}/t-0/stdin", host.id());
+    let _reader = home.start(&format!("read {taken}")).see("active at");
+    let failed = start(&home, "/host", "echo begin", &[]).with(2);
+    failed.complains("Can't open the ports of the terminal");
+    let names = home.names();
+    let of_session = names.iter().filter(|name| name.starts_with("/host/"));
+    assert_eq!(of_session.collect::<Vec<_>>(), [&taken]);
+    assert_eq!(window.file("arguments"), "");
+}
+
+#[test]
+fn nothing_leaves_the_input_of_a_command() {
+    let (home, _name_server, window, _host) = start_network(WINDOW);
+    start(&home, "/host", "echo begin; read a", &[]).with(0);
+    window.shows("begin\n");
+    let input = session_port(&home, "/stdin");
+    let _reader = home.start("read /r").see("active at");
+    home.run(&format!("connect {input} /r")).with(1);
 }
 
 #[test]
@@ -478,19 +553,7 @@ fn the_ports_of_a_command_are_for_administrators_of_the_server() {
     writer.type_text("allowed again\n");
     window.shows("got allowed again\n");
     assert!(!window.file("screen").contains("intruder"));
-    // Browsers never.
-    let endpoint = home.run(&format!("name query {input}"));
-    let words: Vec<&str> = endpoint.out[0].split(' ').collect();
-    let place = words.iter().position(|word| *word == "ip").unwrap();
-    let mut browser =
-        TcpStream::connect((words[place + 1], words[place + 3].parse().unwrap())).unwrap();
-    browser
-        .write_all(b"GET /?req=browser HTTP/1.1\r\nHost: localhost\r\n\r\n")
-        .unwrap();
-    let mut page = Vec::new();
-    let _ = browser.read_to_end(&mut page);
-    let page = String::from_utf8_lossy(&page);
-    assert!(!page.contains("200 OK"), "{page}");
+    no_page(&home, &input);
     writer.type_text("after the browser\n");
     window.shows("got after the browser\n");
     assert!(!window.file("screen").contains("got browser"));
@@ -555,6 +618,44 @@ fn a_terminal_connects_itself_with_the_ports_of_another_server() {
             .any(|name| name.contains("stdio") || name.starts_with("/log")),
         "{names:?}"
     );
+}
+
+#[test]
+fn a_terminal_needs_a_network_and_its_ports() {
+    let home = Home::new();
+    let ended = home.run("run --readwrite /s").with(255);
+    ended.complains("no yarp network found");
+    for taken in ["/s/stdio:o", "/s/stdio:i"] {
+        let home = Home::new();
+        let _name_server = home.serve();
+        let _reader = home.start(&format!("read {taken}")).see("active at");
+        home.run("run --readwrite /s").with(255);
+        assert_eq!(home.names(), [taken]);
+    }
+}
+
+#[test]
+fn the_ports_of_a_terminal_are_not_for_browsers() {
+    let home = Home::new();
+    let _name_server = home.serve();
+    let mut terminal = home.start("run --readwrite /s");
+    let input = session_port(&home, "/s/stdio:i");
+    no_page(&home, &input);
+    let mut output = home.start("write /s/stdout").see("active at");
+    output.reaches(&mut terminal, "text");
+    assert!(!terminal.printed().contains(&"browser".to_owned()));
+}
+
+#[test]
+fn a_terminal_without_input_shows_output() {
+    let home = Home::new();
+    let _name_server = home.serve();
+    let mut command = Command::new("sh");
+    command.args(["-c", &format!("exec {YARP} run --readwrite /s < /dev/null")]);
+    let mut terminal = home.spawn(command, "terminal");
+    session_port(&home, "/s/stdio:i");
+    let mut output = home.start("write /s/stdout").see("active at");
+    output.reaches(&mut terminal, "text");
 }
 
 #[test]
