@@ -245,3 +245,44 @@ fn the_page_of_stock_plugins_agrees_with_the_list() {
     }
     assert!(supported > 10, "{supported}");
 }
+
+#[test]
+fn a_device_is_described_without_a_network() {
+    let home = Home::new();
+    let file = write(
+        &home,
+        "arm.ini",
+        "device fakeMotionControl\nname /arm\n[GENERAL]\nJoints 2\n",
+    );
+    let described = home
+        .run(&format!("dev --from {file} --period 0.05 --dryrun"))
+        .with(0);
+    let expected = "device fakeMotionControl of type controlBoard_nws_yarp, fakeMotionControl";
+    assert_eq!(described.out[0], expected);
+    assert!(described.says("param GENERAL (Joints 2)") && described.says("param period 0.05"));
+    let described = home
+        .run(&format!("dev --from {file} --dryrun --json"))
+        .with(0);
+    let device: serde_json::Value = serde_json::from_str(&described.out.join("\n")).unwrap();
+    assert_eq!(device["types"][1], "fakeMotionControl");
+    assert_eq!(device["params"]["name"], serde_json::json!(["/arm"]));
+    let described = home
+        .run("dev --device deviceBundler --wrapper_device grabber --attached_device fakeFrameGrabber --dryrun")
+        .with(0);
+    assert!(described.says("of type grabber, fakeFrameGrabber"));
+    for (words, expected) in [
+        (
+            "--device fakeMotioncontrol",
+            "but there is fakeMotionControl",
+        ),
+        (
+            "--device grabber --subdevice nothing",
+            "there is no device nothing",
+        ),
+        ("--device deviceBundler", "wrapper_device is missing"),
+    ] {
+        home.run(&format!("dev {words} --dryrun"))
+            .with(1)
+            .complains(expected);
+    }
+}

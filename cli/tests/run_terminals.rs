@@ -24,10 +24,10 @@ echo $$ > pid
 exec "$@" <> keyboard > screen 2>&1
 "#;
 
-/// A folder with a program `xterm`.
-struct Desk(PathBuf);
+/// A script `xterm` in a folder of its own.
+struct TerminalEmulator(PathBuf);
 
-impl Desk {
+impl TerminalEmulator {
     fn new(home: &Home, name: &str, script: &str) -> Self {
         let folder = home.path().join(name);
         std::fs::create_dir(&folder).unwrap();
@@ -80,6 +80,15 @@ fn serve(home: &Home, port: &str, options: &str, path: &str) -> Running {
     server.see("Yarprun successfully started")
 }
 
+/// Starts a name server, and a server `/host` that finds this `xterm`.
+fn start_network(script: &str) -> (Home, Running, TerminalEmulator, Running) {
+    let home = Home::new();
+    let name_server = home.serve();
+    let window = TerminalEmulator::new(&home, "window", script);
+    let host = window.serve(&home, "/host", "");
+    (home, name_server, window, host)
+}
+
 /// Runs `yarp run --on /host` with these arguments.
 fn ask(home: &Home, words: &[&str]) -> Ended {
     let mut command = Command::new(YARP);
@@ -121,14 +130,28 @@ fn session_port(home: &Home, end: &str) -> String {
     })
 }
 
+/// Sends a request as a browser does, which is not answered.
+#[track_caller]
+fn no_page(home: &Home, port: &str) {
+    let endpoint = home.run(&format!("name query {port}"));
+    let words: Vec<&str> = endpoint.out[0].split(' ').collect();
+    let place = words.iter().position(|word| *word == "ip").unwrap();
+    let mut browser =
+        TcpStream::connect((words[place + 1], words[place + 3].parse().unwrap())).unwrap();
+    browser
+        .write_all(b"GET /?req=browser HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        .unwrap();
+    let mut page = Vec::new();
+    let _ = browser.read_to_end(&mut page);
+    let page = String::from_utf8_lossy(&page);
+    assert!(!page.contains("200 OK"), "{page}");
+}
+
 #[test]
 fn a_terminal_shows_output_and_passes_input() {
     for stdio in ["/host", "/desk"] {
-        let home = Home::new();
-        let _name_server = home.serve();
-        let window = Desk::new(&home, "window", WINDOW);
-        let _host = window.serve(&home, "/host", "");
-        let _desk = (stdio != "/host").then(|| window.serve(&home, stdio, ""));
+        let (home, _name_server, window, _host) = start_network(WINDOW);
+        let _terminal_server = (stdio != "/host").then(|| window.serve(&home, stdio, ""));
         let shell = "printf 'name? '; read a; echo hello $a; read b; echo no line $b >&2; read c";
         let started = start(&home, stdio, shell, &["--geometry", "80x24+1+2"]).with(0);
         started.complains("STARTED: server=/host alias=t cmd=sh -c");
@@ -158,10 +181,7 @@ fn a_terminal_shows_output_and_passes_input() {
 /// The terminal connects itself later than the command prints.
 #[test]
 fn output_of_a_command_that_ends_at_once_is_shown() {
-    let home = Home::new();
-    let _name_server = home.serve();
-    let window = Desk::new(&home, "window", WINDOW);
-    let _host = window.serve(&home, "/host", "");
+    let (home, _name_server, window, _host) = start_network(WINDOW);
     let shell = "seq 20000; echo last";
     start(&home, "/host", shell, &[]).with(0);
     window.shows("last\n");
@@ -174,11 +194,8 @@ fn output_of_a_command_that_ends_at_once_is_shown() {
 
 #[test]
 fn a_held_window_stays_until_the_server_ends() {
-    let home = Home::new();
-    let _name_server = home.serve();
     let held = format!("trap 'exit 0' TERM\n{}", WINDOW.replace("exec", ""));
-    let window = Desk::new(&home, "window", &format!("{held}sleep 1000 & wait"));
-    let host = window.serve(&home, "/host", "");
+    let (home, _name_server, window, host) = start_network(&format!("{held}sleep 1000 & wait"));
     start(&home, "/host", "echo done", &["--hold"]).with(0);
     window.shows("done\n");
     no_session_left(&home);
@@ -195,10 +212,7 @@ fn a_held_window_stays_until_the_server_ends() {
 
 #[test]
 fn a_signal_for_a_command_leaves_its_terminal() {
-    let home = Home::new();
-    let _name_server = home.serve();
-    let window = Desk::new(&home, "window", WINDOW);
-    let _host = window.serve(&home, "/host", "");
+    let (home, _name_server, window, _host) = start_network(WINDOW);
     let shell = "trap '' TERM; echo begin; while read a; do echo got $a; done";
     start(&home, "/host", shell, &[]).with(0);
     window.shows("begin\n");
@@ -216,9 +230,9 @@ fn a_command_without_a_terminal_does_not_start() {
     let _host = serve(&home, "/host", "", "/no/such/folder");
     // Its child keeps the pipe of its errors.
     let script = "sleep 1000 & seq 20000 >&2; echo >&2; exit 1";
-    let failing = Desk::new(&home, "failing", script);
+    let failing = TerminalEmulator::new(&home, "failing", script);
     let _failing = failing.serve(&home, "/failing", "");
-    let mute = Desk::new(
+    let mute = TerminalEmulator::new(
         &home,
         "mute",
         "echo $$ > \"${0%xterm}pid\"; exec sleep 1000",
@@ -255,10 +269,7 @@ fn a_command_without_a_terminal_does_not_start() {
 
 #[test]
 fn a_command_that_cannot_start_closes_its_terminal() {
-    let home = Home::new();
-    let _name_server = home.serve();
-    let window = Desk::new(&home, "window", WINDOW);
-    let _host = window.serve(&home, "/host", "");
+    let (home, _name_server, window, _host) = start_network(WINDOW);
     let words = ["--as", "t", "--stdio", "/host", "--cmd", "/no/such/program"];
     let failed = ask(&home, &words).with(2);
     failed.complains("Can't execute command because No such file or directory");
@@ -271,7 +282,7 @@ fn a_command_that_cannot_start_closes_its_terminal() {
 fn a_server_may_have_another_terminal_program() {
     let home = Home::new();
     let _name_server = home.serve();
-    let window = Desk::new(&home, "window", WINDOW);
+    let window = TerminalEmulator::new(&home, "window", WINDOW);
     let program = window.0.join("xterm");
     let options = format!("--terminal {}", program.display());
     let _host = serve(&home, "/host", &options, &std::env::var("PATH").unwrap());
@@ -279,16 +290,23 @@ fn a_server_may_have_another_terminal_program() {
     window.shows("here\n");
 }
 
+/// Errors of a terminal that nobody reads any more ended it.
+#[test]
+fn a_terminal_has_no_streams_of_its_server() {
+    let script = format!("cat > /dev/null\necho noise\nseq 20000 >&2 || exit 1\n{WINDOW}");
+    let (home, _name_server, window, host) = start_network(&script);
+    start(&home, "/host", "echo here; read a", &[]).with(0);
+    window.shows("here\n");
+    assert!(!host.printed().contains(&"noise".to_owned()));
+}
+
 /// Such programs leave their window to a process that runs already.
 #[test]
 fn a_terminal_program_may_leave_its_window_to_another_process() {
-    let home = Home::new();
-    let _name_server = home.serve();
     let leaving = WINDOW
         .replace("exec \"$@\"", "setsid \"$@\"")
         .replace("2>&1", "2>&1 &");
-    let window = Desk::new(&home, "window", &leaving);
-    let _host = window.serve(&home, "/host", "");
+    let (home, _name_server, window, _host) = start_network(&leaving);
     start(&home, "/host", "echo here; read a; echo $a", &[]).with(0);
     window.shows("here\n");
     window.type_text("there\n");
@@ -299,11 +317,8 @@ fn a_terminal_program_may_leave_its_window_to_another_process() {
 
 #[test]
 fn commands_and_terminals_end_with_their_servers() {
-    let home = Home::new();
-    let _name_server = home.serve();
-    let window = Desk::new(&home, "window", WINDOW);
-    let host = window.serve(&home, "/host", "");
-    let desk = window.serve(&home, "/desk", "");
+    let (home, _name_server, window, host) = start_network(WINDOW);
+    let terminal_server = window.serve(&home, "/desk", "");
     let file = home.path().join("command");
     let shell = format!("echo $$ > {}; read a", file.display());
     start(&home, "/desk", &shell, &[]).with(0);
@@ -319,7 +334,7 @@ fn commands_and_terminals_end_with_their_servers() {
     start(&home, "/desk", "echo again; read a", &[]).with(0);
     window.shows("again\n");
     let process = window.process();
-    desk.kill();
+    terminal_server.kill();
     gone(process);
     // As in stock, a command goes on without its terminal.
     ask(&home, &["--isrunning", "t"]).with(0);
@@ -332,7 +347,7 @@ fn the_end_of_a_command_closes_its_own_terminal_alone() {
     // Only `killstdio` ends these.
     let window = WINDOW.replace("exec \"$@\"", "\"$@\"") + "exec sleep 1000\n";
     let _host = serve(&home, "/host", "", &std::env::var("PATH").unwrap());
-    let desk = Desk::new(&home, "desk", "");
+    let emulator = TerminalEmulator::new(&home, "emulator", "");
     // Each window has a folder of its own.
     let windows = home.path().join("w");
     let script = format!(
@@ -340,8 +355,8 @@ fn the_end_of_a_command_closes_its_own_terminal_alone() {
         windows.display(),
         window.replace("cd \"$(dirname \"$0\")\"", "cd $folder")
     );
-    write_script(&desk.0.join("xterm"), &script);
-    let _desk = desk.serve(&home, "/desk", "");
+    write_script(&emulator.0.join("xterm"), &script);
+    let _terminal_server = emulator.serve(&home, "/desk", "");
     for number in ["1", "2"] {
         start(
             &home,
@@ -379,24 +394,69 @@ fn output_waits_for_a_terminal_for_a_bounded_time() {
     let home = Home::new();
     let _name_server = home.serve();
     let _host = serve(&home, "/host", "", &std::env::var("PATH").unwrap());
-    let mut desk = home
+    let mut terminal_server = home
         .start("rpcserver /desk")
         .see("Waiting for a message...");
-    desk.type_text("17 started\nok\n");
+    terminal_server.type_text("17 started\nok\n17 started\nok\n");
     let file = home.path().join("made");
     // More than a pipe holds.
     let shell = format!("seq 100000; touch {}", file.display());
     start(&home, "/desk", &shell, &[]).with(0);
     until("end of the command", || file.exists().then_some(()));
     no_session_left(&home);
+    // So does the reason why a command does not start.
+    let words = ["--as", "t", "--stdio", "/desk", "--cmd", "/no/such/program"];
+    ask(&home, &words).with(2);
+    no_session_left(&home);
+}
+
+#[test]
+fn output_may_end_within_a_character() {
+    let (home, _name_server, window, _host) = start_network(WINDOW);
+    start(&home, "/host", "printf 'é \\303'", &[]).with(0);
+    window.shows("é \u{fffd}");
+    no_session_left(&home);
+}
+
+/// A writer that waits for the command kept its session.
+#[test]
+fn input_that_nobody_reads_does_not_keep_the_session() {
+    let (home, _name_server, window, _host) = start_network(WINDOW);
+    start(&home, "/host", "echo begin; exec sleep 1000", &[]).with(0);
+    window.shows("begin\n");
+    // More than the pipe of the command holds, but not more than that and the keyboard.
+    window.type_text(&"a line of input\n".repeat(6000));
+    ask(&home, &["--sigterm", "t"]).with(0);
+    gone(window.process());
+    no_session_left(&home);
+}
+
+#[test]
+fn a_session_whose_port_is_taken_leaves_nothing() {
+    let (home, _name_server, window, host) = start_network(WINDOW);
+    let taken = format!("/host/{}/t-0/stdin", host.id());
+    let _reader = home.start(&format!("read {taken}")).see("active at");
+    let failed = start(&home, "/host", "echo begin", &[]).with(2);
+    failed.complains("Can't open the ports of the terminal");
+    let names = home.names();
+    let of_session = names.iter().filter(|name| name.starts_with("/host/"));
+    assert_eq!(of_session.collect::<Vec<_>>(), [&taken]);
+    assert_eq!(window.file("arguments"), "");
+}
+
+#[test]
+fn nothing_leaves_the_input_of_a_command() {
+    let (home, _name_server, window, _host) = start_network(WINDOW);
+    start(&home, "/host", "echo begin; read a", &[]).with(0);
+    window.shows("begin\n");
+    let input = session_port(&home, "/stdin");
+    let _reader = home.start("read /r").see("active at");
+    home.run(&format!("connect {input} /r")).with(1);
 }
 
 #[test]
 fn a_stopped_terminal_does_not_keep_the_session() {
-    let home = Home::new();
-    let _name_server = home.serve();
-    let window = Desk::new(&home, "window", WINDOW);
-    let _host = window.serve(&home, "/host", "");
+    let (home, _name_server, window, _host) = start_network(WINDOW);
     start(&home, "/host", "echo one; read a; exec yes", &[]).with(0);
     window.shows("one\n");
     let output = session_port(&home, "/stdout");
@@ -425,10 +485,7 @@ fn a_stopped_terminal_does_not_keep_the_session() {
 
 #[test]
 fn a_child_that_keeps_the_output_does_not_keep_the_session() {
-    let home = Home::new();
-    let _name_server = home.serve();
-    let window = Desk::new(&home, "window", WINDOW);
-    let _host = window.serve(&home, "/host", "");
+    let (home, _name_server, window, _host) = start_network(WINDOW);
     start(&home, "/host", "sleep 1000 & echo parent", &[]).with(0);
     window.shows("parent\n");
     gone(window.process());
@@ -438,10 +495,7 @@ fn a_child_that_keeps_the_output_does_not_keep_the_session() {
 /// Input that a command does not read any more once ended the session.
 #[test]
 fn a_command_that_closes_its_input_goes_on() {
-    let home = Home::new();
-    let _name_server = home.serve();
-    let window = Desk::new(&home, "window", WINDOW);
-    let _host = window.serve(&home, "/host", "");
+    let (home, _name_server, window, _host) = start_network(WINDOW);
     let file = home.path().join("go");
     let shell = format!(
         "exec <&-; echo closed; while ! [ -e {0} ]; do sleep 0.1; done; echo goes on",
@@ -462,7 +516,7 @@ fn the_ports_of_a_command_are_for_administrators_of_the_server() {
     let home = Home::new();
     let roles = home.path().join("roles.conf");
     let _name_server = home.serve();
-    let window = Desk::new(&home, "window", WINDOW);
+    let window = TerminalEmulator::new(&home, "window", WINDOW);
     let _host = window.serve(&home, "/host", "");
     let shell = "echo begin; while read a; do echo got $a; done";
     start(&home, "/host", shell, &[]).with(0);
@@ -499,19 +553,7 @@ fn the_ports_of_a_command_are_for_administrators_of_the_server() {
     writer.type_text("allowed again\n");
     window.shows("got allowed again\n");
     assert!(!window.file("screen").contains("intruder"));
-    // Browsers never.
-    let endpoint = home.run(&format!("name query {input}"));
-    let words: Vec<&str> = endpoint.out[0].split(' ').collect();
-    let place = words.iter().position(|word| *word == "ip").unwrap();
-    let mut browser =
-        TcpStream::connect((words[place + 1], words[place + 3].parse().unwrap())).unwrap();
-    browser
-        .write_all(b"GET /?req=browser HTTP/1.1\r\nHost: localhost\r\n\r\n")
-        .unwrap();
-    let mut page = Vec::new();
-    let _ = browser.read_to_end(&mut page);
-    let page = String::from_utf8_lossy(&page);
-    assert!(!page.contains("200 OK"), "{page}");
+    no_page(&home, &input);
     writer.type_text("after the browser\n");
     window.shows("got after the browser\n");
     assert!(!window.file("screen").contains("got browser"));
@@ -519,10 +561,7 @@ fn the_ports_of_a_command_are_for_administrators_of_the_server() {
 
 #[test]
 fn output_with_a_terminal_also_reaches_the_logger() {
-    let home = Home::new();
-    let _name_server = home.serve();
-    let window = Desk::new(&home, "window", WINDOW);
-    let _host = window.serve(&home, "/host", "");
+    let (home, _name_server, window, _host) = start_network(WINDOW);
     let mut logger = home.start("read /yarplogger").see("active at");
     start(
         &home,
@@ -579,6 +618,44 @@ fn a_terminal_connects_itself_with_the_ports_of_another_server() {
             .any(|name| name.contains("stdio") || name.starts_with("/log")),
         "{names:?}"
     );
+}
+
+#[test]
+fn a_terminal_needs_a_network_and_its_ports() {
+    let home = Home::new();
+    let ended = home.run("run --readwrite /s").with(255);
+    ended.complains("no yarp network found");
+    for taken in ["/s/stdio:o", "/s/stdio:i"] {
+        let home = Home::new();
+        let _name_server = home.serve();
+        let _reader = home.start(&format!("read {taken}")).see("active at");
+        home.run("run --readwrite /s").with(255);
+        assert_eq!(home.names(), [taken]);
+    }
+}
+
+#[test]
+fn the_ports_of_a_terminal_are_not_for_browsers() {
+    let home = Home::new();
+    let _name_server = home.serve();
+    let mut terminal = home.start("run --readwrite /s");
+    let input = session_port(&home, "/s/stdio:i");
+    no_page(&home, &input);
+    let mut output = home.start("write /s/stdout").see("active at");
+    output.reaches(&mut terminal, "text");
+    assert!(!terminal.printed().contains(&"browser".to_owned()));
+}
+
+#[test]
+fn a_terminal_without_input_shows_output() {
+    let home = Home::new();
+    let _name_server = home.serve();
+    let mut command = Command::new("sh");
+    command.args(["-c", &format!("exec {YARP} run --readwrite /s < /dev/null")]);
+    let mut terminal = home.spawn(command, "terminal");
+    session_port(&home, "/s/stdio:i");
+    let mut output = home.start("write /s/stdout").see("active at");
+    output.reaches(&mut terminal, "text");
 }
 
 #[test]

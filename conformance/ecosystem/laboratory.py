@@ -183,9 +183,9 @@ class Laboratory:
     def connect(self, source, destination):
         until(f"{source} is connected to {destination}", lambda: self.tool("connect", source, destination).returncode == 0)
 
-    def board(self, name, axes):
+    def board(self, name, axes, *words):
         self.ours(name.strip("/").replace("/", "_"), "dev", "--device", "fakeMotionControl", "--name", name,
-                  "--GENERAL::Joints", str(axes))
+                  "--GENERAL::Joints", str(axes), *words)
         self.exists(f"{name}/stateExt:o")
 
     def ask(self, port, *requests):

@@ -346,6 +346,75 @@ def state_to_position(lab):
     return "a board follows another; reports a dead one"
 
 
+def example_offline(lab, name):
+    """Direct positions behind the interpolation that a variable of the board switches on."""
+    board = "/teo/leftArm"
+    words = ("--speed", "10", "--target", "-20")
+    # A board without the variable: the program says so and moves nothing.
+    lab.board(board, 6)
+    lab.program(name, *words)
+    if lab.wait(name) == 0 or "Unable to set interpolation mode" not in lab.printed(name):
+        raise Failed(f"{name} goes on without its variable")
+    lab.kill("teo_leftArm")
+    lab.board(board, 6, "--GENERAL::Variables", "(all)")
+    lab.program(name, *words)
+    lab.prints(name, "Current ENC value")
+    lab.kill("server")
+    lab.name_server()
+    lab.enter(name)
+    if (code := lab.wait(name)) != 0:
+        raise Failed(f"{name} ended with {code}")
+    lab.reaches(board, [0, 0, 0, 0, 0, -20])
+    stored = lab.ask(f"{board}/rpc:i", "get ivar mvar all")
+    if not any("(ipMode pt)" in reply and "(enableIp 1)" in reply for reply in stored):
+        raise Failed(f"the board has the variable {stored}")
+    return "the board stores the variable, and the positions bring the axis to its target"
+
+
+def example_playback(lab):
+    """Recorded positions of six axes, 20 seconds of them, with a plugin beside the program."""
+    name = "examplePlaybackThread"
+    plugins = os.path.join(os.environ["YARP_DATA_HOME"], "plugins")
+    os.makedirs(plugins, exist_ok=True)
+    with open(os.path.join(plugins, "PlaybackThread.ini"), "w", encoding="utf-8") as file:
+        file.write(f"[plugin PlaybackThread]\ntype device\nname PlaybackThread\nlibrary PlaybackThread\n"
+                   f"[search programs]\npath {lab.programs}\nextension .so\n")
+    recorded = os.path.join(lab.work, "recorded.txt")
+    rows = [[0.1 * step, -0.2 * step, 0.3 * step, 5, -step / 4, 0] for step in range(100)]
+    with open(recorded, "w", encoding="utf-8") as file:
+        file.writelines(f"{number} {1000 + 0.05 * number} {' '.join(map(str, row))}\n" for number, row in enumerate(rows))
+    lab.program(name, "--file", recorded, "--timeScale", "1.0", "--remote", "/teoSim/rightArm")
+    if lab.wait(name) == 0:
+        raise Failed(f"{name} ends with 0 without a board")
+    lab.board("/teoSim/rightArm", 6)
+    lab.program(name, "--file", recorded, "--timeScale", "1.0", "--remote", "/teoSim/rightArm")
+    until("it moves", lambda: lab.encoders("/teoSim/rightArm")[2] > 3)
+    lab.kill("server")
+    lab.name_server()
+    if (code := lab.wait(name)) != 0:
+        raise Failed(f"{name} ended with {code}")
+    lab.reaches("/teoSim/rightArm", [float(value) for value in rows[-1]])
+    return "a hundred recorded positions are played"
+
+
+def example_remote_jr3(lab):
+    """Force/torque sensors, read 500 times."""
+    name = "exampleRemoteJr3"
+    lab.program(name)
+    if lab.wait(name) == 0:
+        raise Failed(f"{name} ends with 0 without sensors")
+    lab.ours("sensors", "dev", "--device", "fakeSensors", "--name", "/jr3", "--period", "10", "--channels", "6",
+             "--SixAxisForceTorqueSensorsNames", "(left right)")
+    lab.exists("/jr3/rpc:o")
+    lab.program(name)
+    lab.prints(name, "Channel 1 has name: right")
+    lab.kill("server")
+    lab.name_server()
+    if (code := lab.wait(name)) != 0 or "[500]" not in lab.printed(name):
+        raise Failed(f"{name} ended with {code}")
+    return "finds both sensors by name and reads each 500 times"
+
+
 SENSOR_CHAIN = """<?xml version="1.0" encoding="UTF-8" ?>
 <!DOCTYPE robot PUBLIC "-//YARP//DTD yarprobotinterface 3.0//EN" "http://www.yarp.it/DTD/yarprobotinterfaceV3.0.dtd">
 <robot name="{name}" build="0" portprefix="/{name}interface"><devices>
@@ -419,6 +488,10 @@ CHECKS = {
     "exampleRemoteControlboardModule": example_remote_control_board_module,
     "exampleOnlineTrajectoryRemotePush": example_push,
     "exampleOnlineTrajectoryRemotePull": example_pull,
+    "exampleOfflineTrajectorySync": lambda lab: example_offline(lab, "exampleOfflineTrajectorySync"),
+    "exampleOfflineTrajectoryAsync": lambda lab: example_offline(lab, "exampleOfflineTrajectoryAsync"),
+    "examplePlaybackThread": example_playback,
+    "exampleRemoteJr3": example_remote_jr3,
     "controlboardStateToIPosition": state_to_position,
     "multipleanalogsensorsclient": sensors_of_both,
 }

@@ -72,6 +72,28 @@ pub async fn open_wrapped(
     open(network, kind, parameters).await
 }
 
+/// Returns the types of the devices that [`open_wrapped`] opens, those that attach first.
+///
+/// Errors: [`HostError`] for an unknown type, and for a bundle without its parameters.
+pub fn opened_types(
+    kind: &str,
+    parameters: &Parameters,
+) -> Result<Vec<&'static DeviceType>, HostError> {
+    let named = |name| device_types::find(&parameters.need::<String>(name)?, parameters, name);
+    if kind == device_types::BUNDLER {
+        return Ok(vec![named("wrapper_device")?, named("attached_device")?]);
+    }
+    let device = device_types::find(kind, parameters, "device")?;
+    let wrapper = device
+        .wrapper
+        .map(|wrapper| device_types::find(wrapper, parameters, "device"));
+    let mut types: Vec<_> = wrapper.transpose()?.into_iter().chain([device]).collect();
+    if parameters.has("subdevice") {
+        types.push(named("subdevice")?);
+    }
+    Ok(types)
+}
+
 async fn bundle(
     opening: Opening<'_>,
     wrapper: &DeviceType,

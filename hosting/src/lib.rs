@@ -17,7 +17,7 @@ mod park_device;
 pub mod robot;
 
 pub use arm_configuration::ArmConfiguration;
-pub use device_bundle::{open, open_wrapped};
+pub use device_bundle::{open, open_wrapped, opened_types};
 pub use error::HostError;
 pub use hosted_device::{Attached, Future, Hosted, Parts};
 pub use park_device::park;

@@ -132,6 +132,19 @@ fn parameters_may_be_beside_devices() {
     );
 }
 
+/// They were given to all devices, which in stock get none of them.
+#[test]
+fn no_device_gets_parameters_of_the_robot() {
+    let text = "<robot name=\"r\" portprefix=\"\"><params><param name=\"p\">1</param></params>\
+                <device name=\"a\" type=\"t\"/></robot>";
+    let folder = tempfile::tempdir().unwrap();
+    let robot = read_with(folder.path(), &[("r.xml", text)], &[]).unwrap();
+    let parameters = robot.parameters(&robot.devices[0]).unwrap();
+    let settings = parameters.settings().to_bottle().to_string();
+    // An empty prefix is no value.
+    assert_eq!(settings, "(device t) (id a) (robotName)");
+}
+
 #[test]
 fn a_reference_is_relative_to_the_including_file() {
     let root = "<robot name=\"r\"><xi:include href=\".\\sub\\a.xml\"/></robot>";

@@ -4,24 +4,28 @@ use std::io::Write;
 use std::process::ExitCode;
 use std::time::Duration;
 
+use serde_json::json;
 use tokio::sync::watch;
-use yarp_hosting::{Hosted, device_types, open_wrapped, park};
+use yarp_hosting::{Hosted, device_types, open_wrapped, opened_types, park};
 use yarp_ports::{Answer, Network, Port, PortOptions, Received};
 use yarp_wire::settings::{Origin, Parameters, Settings};
 use yarp_wire::{Bottle, Value, Vocab32};
 
+use super::robotinterface;
 use crate::error::Result;
 use crate::listen_addresses::{self, BindArgs};
 use crate::signals::Interrupt;
-use crate::{network_access, systemd_notify};
+use crate::{network_access, output, systemd_notify};
 
 const COMPONENT: &str = "yarp.dev.Drivers";
 /// Exit code of stock's yarpdev without a name server.
 const NO_NETWORK: u8 = 255;
 /// Options of the command; all others belong to the device.
-const OURS: [&str; 10] = [
+const OURS: [&str; 12] = [
     "bind",
     "device",
+    "dryrun",
+    "json",
     "from",
     "context",
     "name",
@@ -40,7 +44,9 @@ To create a device whose name you know, call yarp dev like this:
    For example:
    yarp dev --device simulatedWam --name /wam
 You can always move options to a configuration file:
-   yarp dev [--device DEVICENAME] --from CONFIG_FILENAME";
+   yarp dev [--device DEVICENAME] --from CONFIG_FILENAME
+To see what would be opened, without a network:
+   yarp dev --device DEVICENAME --OPTION VALUE ... --dryrun";
 
 /// host a device, as stock's yarpdev
 ///
@@ -48,7 +54,7 @@ You can always move options to a configuration file:
 /// process. Then the device is parked and closed; a second signal ends at once.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// --device NAME, --from FILE, --context CONTEXT, --list, --nested "(a b) ...", --nopark, --bind ADDRESS, and the options of the
+    /// --device NAME, --from FILE, --context CONTEXT, --list, --nested "(a b) ...", --nopark, --dryrun, --json (with --dryrun), --bind ADDRESS, and the options of the
     /// device: --key value, --group::key value
     #[arg(
         value_name = "OPTION",
@@ -70,6 +76,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         }
     }
     if settings.has("list") && !settings.has("device") {
+        output::serve_nobody();
         list(out)?;
         return Ok(ExitCode::SUCCESS);
     }
@@ -87,6 +94,9 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         }
         return Ok(ExitCode::SUCCESS);
     };
+    if settings.has("dryrun") {
+        return describe(&device, settings, out);
+    }
     let network = match BindArgs::from_settings(finder.settings()) {
         Ok(bind) => bind.apply(network_access::unreported_network()?),
         Err(problem) => {
@@ -127,6 +137,37 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     .await?;
     tracing::info!(target: COMPONENT, "yarpdev is finished.");
     Ok(code)
+}
+
+/// Prints the devices that would be opened, with their parameters.
+///
+/// Fails for an unknown type, and for a bundle without its parameters.
+fn describe(device: &str, settings: Settings, out: &mut dyn Write) -> Result<ExitCode> {
+    output::serve_nobody();
+    let is_json = settings.has("json");
+    let origin = settings.origin("device").cloned();
+    let parameters = Parameters::new(device, settings, origin.unwrap_or(Origin::CommandLine));
+    let types = match opened_types(device, &parameters) {
+        Ok(types) => types,
+        Err(error) => {
+            tracing::error!(target: COMPONENT, "{}", yarp_ports::error_chain(&error));
+            return Ok(ExitCode::FAILURE);
+        }
+    };
+    let types: Vec<&str> = types.iter().map(|known| known.name).collect();
+    let settings = parameters.settings();
+    match is_json {
+        true => {
+            let params = robotinterface::parameters_as_json(settings);
+            let device = json!({"device": device, "types": types, "params": params});
+            writeln!(out, "{device:#}")?;
+        }
+        false => {
+            writeln!(out, "device {device} of type {}", types.join(", "))?;
+            robotinterface::print_parameters(settings, out)?;
+        }
+    }
+    Ok(ExitCode::SUCCESS)
 }
 
 /// Prints every device type, one per line.

@@ -10,14 +10,14 @@ use yarp_hosting::robot::{
     DeviceEntry, Phase, Problem, Progress, ReadOptions, Robot, RunningRobot, Substitutions,
 };
 use yarp_ports::{Answer, Network, Port, PortOptions, Received};
-use yarp_wire::settings::Setting;
+use yarp_wire::settings::{Setting, Settings};
 use yarp_wire::{Bottle, Value, Vocab32};
 use yarp_wrappers::thrift::{Item, Message};
 
 use crate::error::Result;
 use crate::listen_addresses::{self, BindArgs};
 use crate::signals::Interrupt;
-use crate::{network_access, systemd_notify};
+use crate::{network_access, output, systemd_notify};
 
 const COMPONENT: &str = "yarprobotinterface";
 /// File that names the description if the command line does not.
@@ -91,11 +91,9 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         tracing::warn!(target: COMPONENT, "{lint}");
     }
     if dry {
+        output::serve_nobody();
         match settings.has("json") {
-            // In one piece, so that a slow reader loses nothing.
-            true => {
-                out.write_all(format!("{:#}\n", as_json(&robot, lints.as_deref())).as_bytes())?
-            }
+            true => writeln!(out, "{:#}", as_json(&robot, lints.as_deref()))?,
             false => describe(&robot, out)?,
         }
     }
@@ -136,14 +134,6 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
 
 /// Prints the devices that would be hosted with their parameters and actions, and logs what would fail.
 fn describe(robot: &Robot, out: &mut dyn Write) -> Result<()> {
-    // In one piece, so that a slow reader loses nothing.
-    let mut text = Vec::new();
-    write_description(robot, &mut text)?;
-    out.write_all(&text)?;
-    Ok(())
-}
-
-fn write_description(robot: &Robot, out: &mut Vec<u8>) -> Result<()> {
     for problem in robot.problems() {
         tracing::warn!(target: COMPONENT, "{problem}");
     }
@@ -151,14 +141,20 @@ fn write_description(robot: &Robot, out: &mut Vec<u8>) -> Result<()> {
     for device in &robot.devices {
         writeln!(out, "device {} of type {}", device.name, device.kind)?;
         if let Ok(parameters) = robot.parameters(device) {
-            for entry in &parameters.settings().to_bottle() {
-                let entry = entry.as_list().map(ToString::to_string);
-                writeln!(out, "  param {}", entry.unwrap_or_default())?;
-            }
+            print_parameters(parameters.settings(), out)?;
         }
         for action in &device.actions {
             writeln!(out, "  {} {}: {}", action.phase, action.level, action.kind)?;
         }
+    }
+    Ok(())
+}
+
+/// Prints parameters as lists, each with its name first.
+pub(super) fn print_parameters(parameters: &Settings, out: &mut dyn Write) -> Result<()> {
+    for entry in &parameters.to_bottle() {
+        let entry = entry.as_list().map(ToString::to_string);
+        writeln!(out, "  param {}", entry.unwrap_or_default())?;
     }
     Ok(())
 }
@@ -180,24 +176,11 @@ fn as_json(robot: &Robot, lints: Option<&[Problem]>) -> Json {
         Json::from_iter(actions)
     };
     let devices = robot.devices.iter().map(|device| {
-        let mut params = serde_json::Map::new();
-        for entry in robot
-            .parameters(device)
-            .into_iter()
-            .flat_map(|known| known.settings().to_bottle())
-        {
-            if let Some((name, values)) = entry
-                .as_list()
-                .and_then(|list| list.as_slice().split_first())
-            {
-                let values = values.iter().map(value_as_json).collect();
-                params.insert(name.to_plain_string(), values);
-            }
-        }
+        let params = robot.parameters(device);
         json!({
             "name": device.name,
             "type": device.kind,
-            "params": params,
+            "params": params.map_or_else(|_| json!({}), |known| parameters_as_json(known.settings())),
             "actions": actions(device),
             "origin": device.origin.to_string(),
         })
@@ -218,6 +201,19 @@ fn as_json(robot: &Robot, lints: Option<&[Problem]>) -> Json {
         whole["lints"] = list(lints);
     }
     whole
+}
+
+/// Returns parameters as an object: of each name an array of its values.
+pub(super) fn parameters_as_json(parameters: &Settings) -> Json {
+    let mut object = serde_json::Map::new();
+    for entry in &parameters.to_bottle() {
+        let values = entry.as_list().map(Bottle::as_slice).unwrap_or_default();
+        if let Some((name, values)) = values.split_first() {
+            let values = values.iter().map(value_as_json).collect();
+            object.insert(name.to_plain_string(), values);
+        }
+    }
+    object.into()
 }
 
 fn value_as_json(value: &Value) -> Json {

@@ -59,6 +59,11 @@ pub(crate) fn serve() {
     SERVES.store(true, Ordering::Relaxed);
 }
 
+/// Declares that this process serves nobody, although its command may: what it prints waits for a reader.
+pub(crate) fn serve_nobody() {
+    SERVES.store(false, Ordering::Relaxed);
+}
+
 /// Queues text, which ends with the end of a line. Errors are those of earlier writes, and are reported only to those who wait.
 pub(crate) fn push(stream: Stream, text: &[u8], when_full: WhenFull) -> io::Result<()> {
     let queue = STREAMS.queue(stream);

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use super::simulated_axis::{Axis, MODES};
 use super::{AxisParameters, MotionState};
-use crate::{Axes, AxisIndex, DeviceError, JointType, Limits, Mode};
+use crate::{Axes, AxisIndex, DeviceError, JointType, Limits, Mode, VariableValue};
 
 /// A set of axes that takes the commands of the device interfaces and moves when it is stepped.
 ///
@@ -31,6 +31,8 @@ use crate::{Axes, AxisIndex, DeviceError, JointType, Limits, Mode};
 #[derive(Clone, Debug)]
 pub struct AxesModel {
     axes: Vec<Axis>,
+    /// Variables without a meaning here, with their values.
+    pub(super) stored: Vec<(String, Vec<VariableValue>)>,
 }
 
 impl AxesModel {
@@ -41,7 +43,10 @@ impl AxesModel {
             .enumerate()
             .map(|(index, built)| Axis::new(index.into(), built))
             .collect();
-        Self { axes }
+        Self {
+            axes,
+            stored: Vec::new(),
+        }
     }
 
     /// Lets time pass. Steps of any length are exact: two halves give what one whole gives.

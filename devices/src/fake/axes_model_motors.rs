@@ -21,6 +21,9 @@ const DESCRIPTION: &str = "description";
 /// Range of friction, per second.
 const FRICTION_RANGE: Limits = Limits::new(0.01, 1e3);
 
+/// Maximum number of parts of the value of a stored variable, those of lists included.
+const MAX_STORED_PARTS: usize = 1000;
+
 type Outcome<T> = Result<T, DeviceError>;
 
 impl AxesModel {
@@ -475,22 +478,48 @@ impl AxesModel {
         Ok(())
     }
 
+    /// Adds variables that can be read and set, empty at first. They do not change how the axes move.
+    pub fn store_variables(&mut self, names: impl IntoIterator<Item = String>) {
+        let names = names.into_iter().map(|name| (name, Vec::new()));
+        self.stored.extend(names);
+    }
+
     pub fn variables(&self) -> Outcome<Vec<String>> {
-        Ok([DESCRIPTION, FRICTION].map(str::to_owned).to_vec())
+        let mut names = [DESCRIPTION, FRICTION].map(str::to_owned).to_vec();
+        names.extend(self.stored.iter().map(|(name, _)| name.clone()));
+        Ok(names)
     }
 
     pub fn variable(&self, name: &str) -> Outcome<Vec<VariableValue>> {
         match name {
             DESCRIPTION => Ok(vec![VariableValue::Text("simulated axes".to_owned())]),
             FRICTION => self.of(Axes::All, |axis| VariableValue::Number(axis.friction())),
-            _ => Err(no_variable(name)),
+            _ => match self.stored.iter().find(|(stored, _)| stored == name) {
+                Some((_, value)) => Ok(value.clone()),
+                None => Err(no_variable(name)),
+            },
         }
     }
 
     pub fn set_variable(&mut self, name: &str, value: &[VariableValue]) -> Outcome<()> {
-        if name != FRICTION {
-            return Err(no_variable(name));
+        if name == FRICTION {
+            return self.set_frictions(value);
         }
+        let stored = self.stored.iter_mut().find(|(stored, _)| stored == name);
+        let (_, stored) = stored.ok_or_else(|| no_variable(name))?;
+        let parts = count(value);
+        if parts > MAX_STORED_PARTS {
+            return Err(DeviceError::Unsuitable {
+                what: "the value of a variable",
+                asked: format!("{parts} parts"),
+                expected: format!("at most {MAX_STORED_PARTS}"),
+            });
+        }
+        *stored = value.to_vec();
+        Ok(())
+    }
+
+    fn set_frictions(&mut self, value: &[VariableValue]) -> Outcome<()> {
         let numbers: Vec<f64> = value.iter().filter_map(VariableValue::as_number).collect();
         if numbers.len() != value.len() {
             return Err(DeviceError::NotSupported {
@@ -565,8 +594,51 @@ fn symmetric(largest: f64) -> Limits {
     Limits::new(-largest, largest)
 }
 
+fn count(value: &[VariableValue]) -> usize {
+    let parts = value.iter().map(|part| match part {
+        VariableValue::List(parts) => 1 + count(parts),
+        _ => 1,
+    });
+    parts.sum()
+}
+
 fn no_variable(name: &str) -> DeviceError {
     DeviceError::NotSupported {
         what: format!("setting or asking for a variable `{name}`"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stored_variables_keep_their_values() {
+        let mut model = AxesModel::new([]);
+        let text = |text: &str| VariableValue::Text(text.to_owned());
+        assert!(model.set_variable("all", &[text("a")]).is_err());
+        model.store_variables(["all", "mode"].map(str::to_owned));
+        assert_eq!(model.variables().unwrap()[2..], ["all", "mode"]);
+        assert_eq!(model.variable("all").unwrap(), []);
+        let value = vec![VariableValue::List(vec![
+            text("mode"),
+            VariableValue::Integer(3),
+        ])];
+        model.set_variable("all", &value).unwrap();
+        assert_eq!(model.variable("all").unwrap(), value);
+        assert_eq!(model.variable("mode").unwrap(), []);
+        assert!(model.set_variable("description", &[text("a")]).is_err());
+        assert!(model.variable("other").is_err());
+    }
+
+    #[test]
+    fn stored_values_are_bounded() {
+        let mut model = AxesModel::new([]);
+        model.store_variables(["all".to_owned()]);
+        let list = |length| vec![VariableValue::List(vec![VariableValue::Integer(1); length])];
+        let largest = list(MAX_STORED_PARTS - 1);
+        model.set_variable("all", &largest).unwrap();
+        assert!(model.set_variable("all", &list(MAX_STORED_PARTS)).is_err());
+        assert_eq!(model.variable("all").unwrap(), largest);
     }
 }

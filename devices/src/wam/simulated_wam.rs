@@ -80,6 +80,11 @@ impl SimulatedWam {
         }
     }
 
+    /// Adds variables that can be read and set, empty at first. They do not change how the axes move.
+    pub fn store_variables(&self, names: impl IntoIterator<Item = String>) {
+        self.arm().model.store_variables(names);
+    }
+
     /// Returns the present arm.
     pub(super) fn arm(&self) -> MutexGuard<'_, Arm> {
         // The model is whole between any two calls, so a panic elsewhere does not spoil it.

@@ -1,7 +1,8 @@
 //! Simulated joints, with the parameters of stock's `fakeMotionControl`.
 //!
 //! Source: `fakeMotionControl.cpp` of YARP 3.5. Stock's joints reach their targets at once; these
-//! move there.
+//! move there. Some programs set variables of boards that only these know; `GENERAL::Variables` names those that the joints
+//! accept and store.
 
 use std::sync::Arc;
 
@@ -40,6 +41,8 @@ pub(super) async fn open(opening: Opening<'_>) -> OpenResult {
     let parameters = opening.parameters;
     let axes = axes(parameters)?;
     let joints = Arc::new(SimulatedWam::with_axes(axes));
+    let variables = parameters.list::<String>("GENERAL::Variables")?;
+    joints.store_variables(variables.unwrap_or_default());
     // Without limits and watchdogs it offers the software stop.
     let joints = local_device::start(parameters, || {
         Guarded::around(joints, GuardedOptions::default())

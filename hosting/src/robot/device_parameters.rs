@@ -9,21 +9,22 @@ use super::{Action, DeviceEntry, Param, ParamValue, Robot, RobotError};
 const MAX_SHOWN_TEXT: usize = 80;
 
 impl Robot {
-    /// Returns the parameters of a device: its own, those of the robot, and `device`, `id` and
-    /// `robotName`.
+    /// Returns the parameters of a device: its own, those that the robot shares, and `device`, `id` and `robotName`.
     ///
     /// Groups of the same name are merged. Errors: [`RobotError::Repeated`].
     pub fn parameters(&self, device: &DeviceEntry) -> Result<Parameters, RobotError> {
         let mut settings = Settings::new();
-        let given = [
-            ("robotName", &self.port_prefix),
-            ("id", &device.name),
-            ("device", &device.kind),
-        ];
+        // As in stock, an empty prefix is no value.
+        let prefix = Some(self.port_prefix.as_str()).filter(|prefix| !prefix.is_empty());
+        let items = [Some("robotName"), prefix].into_iter().flatten();
+        let items = items.map(|text| Setting::new(text.into(), &Origin::Program));
+        settings.put_entry("robotName".to_owned(), items.collect());
+        let given = [("id", &device.name), ("device", &device.kind)];
         for (name, value) in given {
             settings.put(name, value.as_str(), &Origin::Program);
         }
-        for param in &self.params {
+        let shared = self.params.iter().filter(|_| self.shares_params);
+        for param in shared {
             // Devices may ignore these.
             let items = entry(param, Some(&Origin::Program));
             settings.put_entry(param.name.clone(), items);

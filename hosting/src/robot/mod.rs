@@ -56,8 +56,10 @@ pub struct Robot {
     pub port_prefix: String,
     /// True if interrupts and shutdown run the levels in descending order.
     pub reversed: bool,
-    /// Default parameters of every device.
+    /// Parameters of the robot itself.
     pub params: Vec<Param>,
+    /// True if these are defaults of every device, as in TOML. In XML no device gets them, as in stock.
+    pub shares_params: bool,
     /// Devices, in the order in which they are opened.
     pub devices: Vec<DeviceEntry>,
 }

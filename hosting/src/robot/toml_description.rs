@@ -406,6 +406,7 @@ fn read_robot(source: &SourceFile<'_>, value: &SpannedValue<'_>) -> Result<Robot
         reversed: reversed.transpose()?.unwrap_or(false),
         name,
         params: Vec::new(),
+        shares_params: true,
         devices: Vec::new(),
     })
 }

@@ -231,6 +231,7 @@ impl Reader<'_> {
             build,
             reversed,
             params: Vec::new(),
+            shares_params: false,
             devices: Vec::new(),
         };
         for child in &element.children {

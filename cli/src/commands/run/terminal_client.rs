@@ -154,17 +154,18 @@ mod tests {
     async fn typed_lines_keep_their_ends() {
         let (sender, mut lines) = mpsc::channel(10);
         let long = format!("é{}\n", "a".repeat(MAX_LINE));
-        let input = format!("one\n\n{long}rest é");
-        tokio::task::spawn_blocking(move || read_lines(&mut input.as_bytes(), &sender))
+        // The last character is not complete.
+        let input = [format!("one\n\n{long}rest é").as_bytes(), b"\xc3"].concat();
+        tokio::task::spawn_blocking(move || read_lines(&mut &input[..], &sender))
             .await
             .unwrap();
         let mut read = Vec::new();
         while let Some(line) = lines.recv().await {
             read.push(line);
         }
-        assert_eq!(read.concat(), format!("one\n\n{long}rest é"));
+        assert_eq!(read.concat(), format!("one\n\n{long}rest é\u{fffd}"));
         assert_eq!(read[..2], ["one\n", "\n"]);
         assert_eq!(read[2].len(), MAX_LINE);
-        assert_eq!(read.last().unwrap(), "rest é");
+        assert_eq!(read[read.len() - 2..], ["rest é", "\u{fffd}"]);
     }
 }

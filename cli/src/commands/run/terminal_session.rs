@@ -1,14 +1,15 @@
 //! The server's end of a command with a terminal: its ports, and the text between them and the pipes of the command.
 
 use std::os::fd::OwnedFd;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
 use rustix::io::Errno;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::unix::pipe::{Receiver, Sender};
-use tokio::sync::{mpsc, watch};
-use tokio::time::{Instant, sleep, timeout, timeout_at};
+use tokio::sync::{Notify, mpsc, watch};
+use tokio::time::{Instant, timeout, timeout_at};
 use yarp_ports::{Answer, Network, Port, PortOptions, error_chain};
 use yarp_wire::Bottle;
 
@@ -19,8 +20,6 @@ use super::text_chunks::{MAX_LINE, TextDecoder, message_text};
 
 /// Time that the output of a command waits for its terminal; later output without a terminal is lost.
 const READER_TIMEOUT: Duration = Duration::from_secs(10);
-/// Interval between two checks for a reader.
-const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// Time for the rest of the output after the end of a command. A terminal that its user has stopped takes none.
 const DRAIN_TIMEOUT: Duration = Duration::from_secs(2);
 
@@ -31,7 +30,7 @@ static NEXT_SESSION: AtomicU32 = AtomicU32::new(0);
 #[derive(Debug)]
 pub(super) struct TerminalSession {
     id: String,
-    output: Port,
+    output: Output,
     input: Port,
     /// Text for the command. While it takes none, the writers wait.
     typed: mpsc::Receiver<String>,
@@ -45,7 +44,7 @@ impl TerminalSession {
         let number = NEXT_SESSION.fetch_add(1, Ordering::Relaxed);
         let id = format!("{server}/{}/{tag}-{number}", std::process::id());
         let options = || PortOptions::new().administrators_of(server).no_browsers();
-        let output = open(network, &format!("{id}/stdout"), options()).await?;
+        let output = Output::open(network, &format!("{id}/stdout"), options()).await?;
         let (sender, typed) = mpsc::channel(1);
         let options = options().input_only().handler(move |received| {
             let sender = sender.clone();
@@ -64,7 +63,7 @@ impl TerminalSession {
                 typed,
             }),
             Err(reason) => {
-                output.close().await;
+                output.port.close().await;
                 Err(reason)
             }
         }
@@ -117,8 +116,8 @@ impl TerminalSession {
     /// Sends a text to the terminal: the reason why the command did not start.
     pub(super) async fn send_text(&self, text: &str) {
         let sending = async {
-            until_read(&self.output, Instant::now() + DRAIN_TIMEOUT).await;
-            self.output.write(&Bottle::of(text)).await
+            self.output.has_reader().await;
+            self.output.port.write(&Bottle::of(text)).await
         };
         let _ = timeout(DRAIN_TIMEOUT, sending).await;
     }
@@ -127,7 +126,36 @@ impl TerminalSession {
     pub(super) async fn close(self) {
         // Writers that wait for the command are answered.
         drop(self.typed);
-        tokio::join!(self.output.close(), self.input.close());
+        tokio::join!(self.output.port.close(), self.input.close());
+    }
+}
+
+/// The port of what a command prints.
+#[derive(Debug)]
+struct Output {
+    port: Port,
+    /// Notifies of connections of the port that begin or end.
+    changes: Arc<Notify>,
+}
+
+impl Output {
+    async fn open(network: &Network, name: &str, options: PortOptions) -> Result<Self, String> {
+        let changes = Arc::<Notify>::default();
+        let changed = changes.clone();
+        let options = options.on_connection_change(move |_| changed.notify_waiters());
+        let port = open(network, name, options).await?;
+        Ok(Self { port, changes })
+    }
+
+    /// Waits until the port has a reader.
+    async fn has_reader(&self) {
+        loop {
+            let changed = self.changes.notified();
+            if !self.port.outputs().is_empty() {
+                return;
+            }
+            changed.await;
+        }
     }
 }
 
@@ -136,22 +164,15 @@ async fn open(network: &Network, name: &str, options: PortOptions) -> Result<Por
     opening.await.map_err(|error| error_chain(&error))
 }
 
-/// Waits until a port has a reader.
-async fn until_read(port: &Port, deadline: Instant) {
-    while port.outputs().is_empty() && Instant::now() < deadline {
-        sleep(POLL_INTERVAL).await;
-    }
-}
-
 /// Sends what a command prints, until all of it has ended; once the command itself has ended, what it has left.
 async fn show(
-    port: &Port,
+    shown: &Output,
     mut output: Receiver,
     mut log: Option<LogPort>,
     reader_deadline: Instant,
     mut ended: watch::Receiver<bool>,
 ) {
-    until_read(port, reader_deadline).await;
+    let _ = timeout_at(reader_deadline, shown.has_reader()).await;
     let mut decoder = TextDecoder::default();
     let mut buffer = [0; MAX_LINE];
     loop {
@@ -172,7 +193,7 @@ async fn show(
             log.write(&text);
         }
         if !text.is_empty() {
-            port.write(&Bottle::of(text.as_str())).await;
+            shown.port.write(&Bottle::of(text.as_str())).await;
         }
         if length == 0 {
             break;

@@ -230,7 +230,7 @@ mod tests {
             forward: Some(("/log/host/ls".to_owned(), "/yarplogger".to_owned())),
         };
         assert_eq!(parsed(request), Ok(expected));
-        let request = parsed("(as t) (stdiouuid /s)").unwrap();
+        let request = parsed("(as t) (stdiouuid /s) (geometry \"\")").unwrap();
         assert!(!request.window.hold && request.geometry.is_none() && request.forward.is_none());
     }
 

@@ -124,6 +124,20 @@ mod tests {
     }
 
     #[test]
+    fn a_message_of_several_values_is_a_line() {
+        let text = |message: &str| message_text(&Bottle::parse(message).unwrap());
+        assert_eq!(text("\"two words\""), "two words");
+        assert_eq!(text("two words"), "two words\n");
+        assert_eq!(text("17"), "17\n");
+    }
+
+    /// As stock's.
+    #[test]
+    fn a_line_has_2047_bytes() {
+        assert_eq!(MAX_LINE, 2047);
+    }
+
+    #[test]
     fn lines_are_split_and_joined() {
         assert_eq!(lines_of(&["a\nb", "c\n\nd"]), ["a\n", "bc\n", "\n", "d"]);
         assert_eq!(lines_of(&[]), Vec::<String>::new());
