@@ -91,6 +91,59 @@ fn plates_stay_in_the_hand_on_the_way() {
     }
 }
 
+/// It stands where it shall, with its sides along x and y.
+#[track_caller]
+fn check_set_down(shape: Shape, place: [f64; 2]) {
+    let is_round = matches!(shape, Shape::Glass { .. } | Shape::Plate { .. });
+    let (table, mut picker, item) = table(shape, 0.55, 0.05);
+    picker
+        .pick_and_set_down(&item, &[], place, 0)
+        .expect("it is set down");
+    table.borrow_mut().step(1.0);
+    let table = table.borrow();
+    let pose = table.simulation.scene().objects[0].pose;
+    let away = (pose.translation.x - place[0]).hypot(pose.translation.y - place[1]);
+    assert!(away < 0.015, "{}", pose.translation);
+    let along = pose.rotation * Vector3::x();
+    let upright = (pose.rotation * Vector3::z()).z;
+    assert!(upright > 0.99, "{upright}");
+    let aligned = along.x.abs().max(along.y.abs());
+    assert!(is_round || aligned > 0.99, "{along}");
+    assert_eq!(table.touched, 0, "the robot touched table or baskets");
+}
+
+#[test]
+fn a_box_is_set_down_at_a_place_along_the_axes() {
+    let size = [0.06, 0.09, 0.08];
+    check_set_down(Shape::Box { size }, [0.45, -0.2]);
+}
+
+#[test]
+fn a_glass_is_set_down_at_a_place() {
+    let glass = Shape::Glass {
+        radius: 0.036,
+        height: 0.11,
+        wall: 0.003,
+    };
+    check_set_down(glass, [0.70, 0.15]);
+}
+
+#[test]
+fn an_object_whose_place_is_out_of_reach_is_put_back() {
+    let size = [0.06, 0.09, 0.08];
+    let (table, mut picker, item) = table(Shape::Box { size }, 0.55, 0.05);
+    let error = picker.pick_and_set_down(&item, &[], [1.4, 0.0], 0);
+    let error = error.unwrap_err();
+    let step = Step::Transport;
+    assert!(
+        matches!(error, PickError::Plan { step: at, .. } if at == step),
+        "{error}"
+    );
+    table.borrow_mut().step(1.0);
+    let pose = table.borrow().simulation.scene().objects[0].pose;
+    assert!((pose.translation.x - 0.55).hypot(pose.translation.y - 0.05) < 0.015);
+}
+
 #[test]
 fn an_object_that_is_out_of_reach_moves_nothing() {
     let (_table, mut picker, item) = table(
