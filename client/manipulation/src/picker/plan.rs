@@ -425,11 +425,13 @@ fn held(item: &Item, grasp: &Grasp) -> Vec<LinkSphere> {
     let (radius, height) = (item.shape.radius(), item.shape.height());
     let size = (height / 2.0).clamp(HELD_RADIUS[1], HELD_RADIUS[0]);
     let ring = (radius - size).max(0.0);
-    let levels = (height / (2.0 * size)).ceil().max(1.0) as usize;
+    // From the bottom to the top of the object, and not beyond: it is set down on the table.
+    let end = (height / 2.0 - size).max(0.0);
+    let levels = (2.0 * end / (1.5 * size)).ceil() as usize;
     let around = ((TAU * ring / (3.0 * size)).ceil() as usize).max(1);
     let mut spheres = Vec::new();
-    for level in 0..levels {
-        let z = height * ((level as f64 + 0.5) / levels as f64 - 0.5);
+    for level in 0..=levels {
+        let z = end * (2.0 * level as f64 / levels.max(1) as f64 - 1.0);
         let mut add = |x: f64, y: f64, radius: f64| {
             spheres.push(LinkSphere {
                 link: 7,
@@ -540,5 +542,6 @@ mod tests {
                 reach[axis]
             );
         }
+        assert!((reach[2] - 0.035).abs() < 1e-9, "{}", reach[2]);
     }
 }
