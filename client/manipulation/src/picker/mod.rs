@@ -3,7 +3,9 @@
 //! | step | failure | recovery |
 //! | --- | --- | --- |
 //! | plan | no grasp fits, out of reach, no path | nothing has moved; the next grasp, then the next object |
-//! | pre-grasp, approach | the arm does not follow | it holds where it is, the error reports the joint |
+//! | pre-grasp, approach | the arm does not follow | it holds where it is; the next attempt begins there |
+//! | lift | the arm does not follow | put the object back |
+//! | transport | the arm does not follow | a new motion from where it is, once; then it holds and the object stays held |
 //! | grasp, verify | the fingers closed on nothing | open, back up; the object is detected again and tried once more |
 //! | transport | no free path to the container | put the object back where it was |
 //! | release | the hand does not open | the arm holds above the container, the object stays held |
@@ -283,14 +285,27 @@ impl<W: Workcell> Picker<W> {
         first: usize,
     ) -> Result<(), PickError> {
         let outcome = self.try_pick_and_place(item, others, container, first);
-        if let Err(
-            PickError::Workcell { .. } | PickError::Stopped { .. } | PickError::Blocked { .. },
-        ) = &outcome
-        {
-            // The first error is the one to report.
-            let _ = self.cell.hold();
+        match &outcome {
+            Err(PickError::Workcell { .. } | PickError::Stopped { .. }) => {
+                // The first error is the one to report.
+                let _ = self.cell.hold();
+            }
+            Err(PickError::Blocked { step, .. }) => {
+                let _ = self.hold_here(*step);
+            }
+            _ => {}
         }
         outcome
+    }
+
+    /// Holds an arm that does not follow: the next motion begins where it is.
+    fn hold_here(&mut self, step: Step) -> Result<(), PickError> {
+        let failed = |source| PickError::Workcell { step, source };
+        self.cell.hold().map_err(failed)?;
+        let joints = self.cell.joints().map_err(failed)?;
+        self.at = self.model.chain.clamp(&joints);
+        self.correction = Joints::<7>::zeros();
+        Ok(())
     }
 
     fn try_pick_and_place(
@@ -321,7 +336,17 @@ impl<W: Workcell> Picker<W> {
             let item = item.label.clone();
             return Err(PickError::Missed { item });
         }
-        self.follow(&plan.up.slowed(LOADED), Step::Lift)?;
+        let lifted = self.follow(&plan.up.slowed(LOADED), Step::Lift);
+        if let Err(blocked @ PickError::Blocked { .. }) = lifted {
+            self.hold_here(Step::Lift)?;
+            if let Some(back) = self.timed(vec![self.at, plan.down.end()]) {
+                self.follow(&back.slowed(LOADED), Step::Transport)?;
+            }
+            self.let_go(&plan.grasp, Step::Release)?;
+            self.follow(&plan.up, Step::Release)?;
+            return Err(blocked);
+        }
+        lifted?;
         // The correction contains the weight from here on.
         self.settle(Step::Lift)?;
         self.check_held(item, &plan.grasp, Step::Lift)?;
@@ -342,7 +367,19 @@ impl<W: Workcell> Picker<W> {
                 return Err(error);
             }
         };
-        self.carry(&transport.slowed(LOADED), Step::Transport)?;
+        let mut spot = spot;
+        let carried = self.carry(&transport.slowed(LOADED), Step::Transport);
+        if let Err(PickError::Blocked { .. }) = carried {
+            self.hold_here(Step::Transport)?;
+            let again = self.plan_transport(item, others, &plan.grasp, container);
+            let Ok((transport, other)) = again else {
+                return carried;
+            };
+            spot = other;
+            self.carry(&transport.slowed(LOADED), Step::Transport)?;
+        } else {
+            carried?;
+        }
         self.settle(Step::Transport)?;
         self.check_held(item, &plan.grasp, Step::Transport)?;
         self.fillings[container].add(&spot, item.shape.height());
