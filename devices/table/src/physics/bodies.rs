@@ -54,7 +54,7 @@ pub(super) fn to_engine(pose: &Pose) -> EnginePose {
 /// Sends a kinematic body to a pose, by the short way.
 ///
 /// The engine takes the speed of the body from the difference of two quaternions. Both signs are the same rotation, but from
-/// one to the other is a whole turn: in a step, 3 000 rad/s, and objects flew out of a hand at up to 28 m/s.
+/// one to the other is a whole turn: in a step, 3 000 rad/s, and objects flew out of a hand at up to 7 m/s.
 pub(super) fn send(body: &mut RigidBody, pose: &Pose) {
     let mut next = to_engine(pose);
     if next.rotation.dot(body.position().rotation) < 0.0 {
