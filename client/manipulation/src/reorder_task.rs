@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use crate::detector::{DetectError, Detector};
 use crate::item::Item;
-use crate::picker::{PickError, Picker};
+use crate::picker::{PickError, Picker, Step};
 use crate::slot_grid::{SlotGrid, distance};
 use crate::stop_request::StopRequest;
 use crate::workcell::Workcell;
@@ -188,6 +188,17 @@ fn run<W: Workcell>(
     }
 }
 
+/// Returns whether the arm was blocked on the way: then it keeps the object in the hand.
+fn keeps_object(error: &PickError) -> bool {
+    matches!(
+        error,
+        PickError::Blocked {
+            step: Step::Transport,
+            ..
+        }
+    )
+}
+
 /// Carries a move out; returns whether anything may have moved.
 fn carry_out<W: Workcell>(
     picker: &mut Picker<W>,
@@ -219,8 +230,9 @@ fn carry_out<W: Workcell>(
             | PickError::Unreachable { .. }
             | PickError::Missed { .. }
             | PickError::Lost { .. }
-            | PickError::Plan { .. }),
-        ) => {
+            | PickError::Plan { .. }
+            | PickError::Blocked { .. }),
+        ) if !keeps_object(&error) => {
             tracing::info!(%error, "not moved");
             report.left.push((next.id, error.to_string()));
             return Ok(false);
@@ -390,7 +402,7 @@ mod tests {
 
     #[test]
     fn an_object_without_an_order_makes_room() {
-        let items = [glass(1, slot(8)), glass(2, slot(0))];
+        let items = [glass(1, slot(5)), glass(2, slot(0))];
         let next = moves(&items, &[(1, 0)]);
         assert_eq!((next[0].id, next[0].is_aside), (2, true));
     }

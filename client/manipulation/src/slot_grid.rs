@@ -17,12 +17,13 @@ pub struct SlotGrid {
 const IN_SLOT: f64 = 0.02;
 
 impl Default for SlotGrid {
-    /// Three rows of three slots within the reach of the arm above the table of `docs/table-simulation.md`.
+    /// Two rows of three slots within the reach of the arm above the table of `docs/table-simulation.md`, with room for any two
+    /// boxes, prisms and glasses beside each other.
     fn default() -> Self {
         Self {
-            middle: [0.53, 0.0],
-            pitch: [0.19, 0.21],
-            count: [3, 3],
+            middle: [0.55, 0.0],
+            pitch: [0.24, 0.24],
+            count: [2, 3],
         }
     }
 }

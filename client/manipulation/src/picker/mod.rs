@@ -3,7 +3,9 @@
 //! | step | failure | recovery |
 //! | --- | --- | --- |
 //! | plan | no grasp fits, out of reach, no path | nothing has moved; the next grasp, then the next object |
-//! | pre-grasp, approach | the arm does not follow | it holds where it is, the error reports the joint |
+//! | pre-grasp, approach | the arm does not follow | it holds where it is; the next attempt begins there |
+//! | lift | the arm does not follow | put the object back |
+//! | transport | the arm does not follow | a new motion from where it is, once; then it holds and the object stays held |
 //! | grasp, verify | the fingers closed on nothing | open, back up; the object is detected again and tried once more |
 //! | transport | no free path to the container or place | put the object back where it was |
 //! | release | the hand does not open | the arm holds above the container, the object stays held |
@@ -288,6 +290,16 @@ impl<W: Workcell> Picker<W> {
         outcome
     }
 
+    /// Holds an arm that does not follow: the next motion begins where it is.
+    fn hold_here(&mut self, step: Step) -> Result<(), PickError> {
+        let failed = |source| PickError::Workcell { step, source };
+        self.cell.hold().map_err(failed)?;
+        let joints = self.cell.joints().map_err(failed)?;
+        self.at = self.model.chain.clamp(&joints);
+        self.correction = Joints::<7>::zeros();
+        Ok(())
+    }
+
     fn try_pick_and_place(
         &mut self,
         item: &Item,
@@ -303,11 +315,22 @@ impl<W: Workcell> Picker<W> {
             filling.measure(&points);
         }
         let planned = self.plan_transport(item, others, &plan.grasp, container);
-        let (transport, spot) = match planned {
+        let (transport, mut spot) = match planned {
             Ok(transport) => transport,
             Err(error) => return Err(self.put_back(&plan).err().unwrap_or(error)),
         };
-        self.carry(&transport.slowed(LOADED), Step::Transport)?;
+        let carried = self.carry(&transport.slowed(LOADED), Step::Transport);
+        if let Err(PickError::Blocked { .. }) = carried {
+            self.hold_here(Step::Transport)?;
+            let again = self.plan_transport(item, others, &plan.grasp, container);
+            let Ok((transport, other)) = again else {
+                return carried;
+            };
+            spot = other;
+            self.carry(&transport.slowed(LOADED), Step::Transport)?;
+        } else {
+            carried?;
+        }
         self.settle(Step::Transport)?;
         self.check_held(item, &plan.grasp, Step::Transport)?;
         self.fillings[container].add(&spot, item.shape.height());
@@ -354,11 +377,14 @@ impl<W: Workcell> Picker<W> {
 
     /// Lets the arm hold where it is after an error that leaves it on its way; the first error is the one to report.
     fn hold_after(&mut self, outcome: &Result<(), PickError>) {
-        if let Err(
-            PickError::Workcell { .. } | PickError::Stopped { .. } | PickError::Blocked { .. },
-        ) = outcome
-        {
-            let _ = self.cell.hold();
+        match outcome {
+            Err(PickError::Workcell { .. } | PickError::Stopped { .. }) => {
+                let _ = self.cell.hold();
+            }
+            Err(PickError::Blocked { step, .. }) => {
+                let _ = self.hold_here(*step);
+            }
+            _ => {}
         }
     }
 
@@ -393,7 +419,17 @@ impl<W: Workcell> Picker<W> {
             let item = item.label.clone();
             return Err(PickError::Missed { item });
         }
-        self.follow(&plan.line.up.slowed(LOADED), Step::Lift)?;
+        let lifted = self.follow(&plan.line.up.slowed(LOADED), Step::Lift);
+        if let Err(blocked @ PickError::Blocked { .. }) = lifted {
+            self.hold_here(Step::Lift)?;
+            if let Some(back) = self.timed(vec![self.at, plan.line.down.end()]) {
+                self.follow(&back.slowed(LOADED), Step::Transport)?;
+            }
+            self.let_go(&plan.grasp, Step::Release)?;
+            self.follow(&plan.line.up, Step::Release)?;
+            return Err(blocked);
+        }
+        lifted?;
         // The correction contains the weight from here on.
         self.settle(Step::Lift)?;
         self.check_held(item, &plan.grasp, Step::Lift)?;
