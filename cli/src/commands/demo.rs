@@ -12,6 +12,8 @@ use crate::error::Result;
 use crate::network_access;
 #[cfg(all(unix, feature = "table"))]
 use crate::signals::Interrupt;
+#[cfg(all(unix, feature = "table"))]
+use yarp_demos::table::{reorder, tidy, tidy::Stop};
 
 /// repeat the thesis's experiments on the simulated arm
 ///
@@ -33,7 +35,16 @@ enum Demo {
     },
     /// tidies a simulated table over the network: polygons, glasses and plates into a basket each
     #[cfg(all(unix, feature = "table"))]
-    Tidy(TidyArgs),
+    Tidy(TableArgs),
+    /// sorts the objects of a simulated table into slots, by class or as another program commands
+    #[cfg(all(unix, feature = "table"))]
+    Reorder {
+        #[command(flatten)]
+        table: TableArgs,
+        /// Move only what is commanded at /reorder/rpc:i (`put ID SLOT`, `list`, `slots`, `help`), until `quit`
+        #[arg(long)]
+        wait: bool,
+    },
     /// moves all joints together and the tool along a line: figure 13 of the thesis
     Sync,
     /// measures repeatability, straightness and the state feed, with plots: tables 5 and 6 and figure 13 of the thesis
@@ -61,7 +72,7 @@ const DETECTORS: [&str; 2] = ["truth", "vision"];
 
 #[cfg(all(unix, feature = "table"))]
 #[derive(Debug, clap::Args)]
-struct TidyArgs {
+struct TableArgs {
     /// Number of random objects
     #[arg(long, default_value_t = 8)]
     objects: usize,
@@ -90,29 +101,38 @@ struct TidyArgs {
 const ABORT_AFTER: Duration = Duration::from_secs(2);
 
 #[cfg(all(unix, feature = "table"))]
-async fn tidy(args: TidyArgs, out: &mut dyn Write) -> Result<ExitCode> {
-    use yarp_demos::table::tidy::{self, TidyDemoOptions};
+impl TableArgs {
+    fn options(&self) -> Result<yarp_demos::table::TableDemoOptions> {
+        let mut options = yarp_demos::table::TableDemoOptions::default();
+        options.objects = self.objects;
+        options.seed = self.seed;
+        options.speed = self.speed;
+        options.noise = self.noise / 1e3;
+        #[cfg(feature = "vision")]
+        if self.detector == "vision" {
+            options.detector = yarp_demos::table::DetectorChoice::Vision;
+        }
+        if let Some(prefix) = &self.remote {
+            options.remote = Some((crate::network_access::network()?, prefix.clone()));
+        }
+        Ok(options)
+    }
+}
 
-    let mut options = TidyDemoOptions::default();
-    options.objects = args.objects;
-    options.seed = args.seed;
-    options.speed = args.speed;
-    options.noise = args.noise / 1e3;
-    #[cfg(feature = "vision")]
-    if args.detector == "vision" {
-        options.detector = tidy::DetectorChoice::Vision;
-    }
-    if let Some(prefix) = args.remote {
-        options.remote = Some((crate::network_access::network()?, prefix));
-    }
-    let stop = tidy::Stop::default();
+/// Runs a demo on the table until it ends; the first signal finishes the current object, the second halts.
+#[cfg(all(unix, feature = "table"))]
+async fn on_table(
+    demo: impl FnOnce(&Stop, &mut Vec<u8>) -> Result<bool, yarp_demos::DemoError> + Send + 'static,
+    out: &mut dyn Write,
+) -> Result<ExitCode> {
+    let stop = Stop::default();
     let button = stop.clone();
-    // The first finishes the current object, the second halts; only a third may abort.
+    // Only a third signal may abort.
     let mut interrupt = Interrupt::listen_with(2, ABORT_AFTER);
     let mut presses = 1;
     let mut running = tokio::task::spawn_blocking(move || {
         let mut text = Vec::new();
-        let told = tidy::run(&options, &stop, args.json, &mut text);
+        let told = demo(&stop, &mut text);
         (told, text)
     });
     let (told, text) = loop {
@@ -134,7 +154,20 @@ async fn tidy(args: TidyArgs, out: &mut dyn Write) -> Result<ExitCode> {
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let told = match args.demo {
         #[cfg(all(unix, feature = "table"))]
-        Demo::Tidy(args) => return tidy(args, out).await,
+        Demo::Tidy(args) => {
+            let options = args.options()?;
+            let demo =
+                move |stop: &Stop, text: &mut Vec<u8>| tidy::run(&options, stop, args.json, text);
+            return on_table(demo, out).await;
+        }
+        #[cfg(all(unix, feature = "table"))]
+        Demo::Reorder { table, wait } => {
+            let options = table.options()?;
+            let demo = move |stop: &Stop, text: &mut Vec<u8>| {
+                reorder::run(&options, wait, stop, table.json, text)
+            };
+            return on_table(demo, out).await;
+        }
         Demo::Repeatability { repeat } => repeatability::run(repeat as usize, out),
         Demo::Sync => joint_synchronisation::run(out),
         Demo::Statefeed {

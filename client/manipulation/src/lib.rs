@@ -12,6 +12,7 @@
 //! | `stop_request` | [`Stop`]: finish the current object, or halt at once |
 //! | `picker/` | [`Picker`]: pre-grasp, approach, grasp, verification, lift, transport, release |
 //! | `tidy_task` | [`tidy_task`](tidy()): objects into the baskets of their classes |
+//! | `slot_grid`, `reorder_task` | [`SlotGrid`]: slots on the table; [`reorder`]: objects into the slots that were commanded |
 //!
 //! Units are metres, **radians** and seconds; poses are in the base frame of the arm. The frame of the hand is that of the
 //! tool plate, frame 7 of the arm: z out of the palm, F3 at positive y.
@@ -23,6 +24,8 @@ mod item;
 mod low_torque_ik;
 mod picker;
 mod remote_workcell;
+mod reorder_task;
+mod slot_grid;
 mod stop_request;
 mod surroundings;
 mod tidy_task;
@@ -35,6 +38,10 @@ pub use item::{Class, Item, ItemShape};
 pub use low_torque_ik::{PostureError, PostureSolver};
 pub use picker::{PickError, Picker, PickerOptions, Step};
 pub use remote_workcell::RemoteWorkcell;
+pub use reorder_task::{
+    ByClass, ReorderError, ReorderOptions, ReorderReport, SlotCommander, SlotOrders, reorder,
+};
+pub use slot_grid::SlotGrid;
 pub use stop_request::{Stop, StopRequest};
 pub use surroundings::{Container, Surroundings};
 pub use tidy_task::{TidyError, TidyOptions, TidyReport, tidy};

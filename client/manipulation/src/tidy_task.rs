@@ -2,7 +2,7 @@
 
 use crate::detector::{DetectError, Detector};
 use crate::item::{Class, Item};
-use crate::picker::{PickError, Picker};
+use crate::picker::{PickError, Picker, Step};
 use crate::stop_request::StopRequest;
 use crate::workcell::Workcell;
 
@@ -58,6 +58,8 @@ pub struct TidyReport {
     pub error: Option<TidyError>,
 }
 
+/// Maximum number of attempts in a row after which tidying goes on although the arm did not follow.
+const MAX_BLOCKED: usize = 2;
 /// Distance within which an object of a later detection is the same one, m.
 const SAME_PLACE: f64 = 0.03;
 
@@ -102,6 +104,25 @@ pub fn tidy<W: Workcell>(
     report
 }
 
+/// Returns the number of the container for objects of a class.
+fn container_of(class: Class) -> usize {
+    match class {
+        Class::Polygon => 0,
+        Class::Glass => 1,
+        Class::Plate => 2,
+    }
+}
+
+/// Returns whether the next attempt may follow a failed one, after this many in a row that something blocked.
+///
+/// An arm that is blocked with an object in the hand keeps it.
+fn may_go_on(error: &PickError, blocked: usize) -> bool {
+    match error {
+        PickError::Blocked { step, .. } => *step != Step::Transport && blocked < MAX_BLOCKED,
+        _ => true,
+    }
+}
+
 fn run<W: Workcell>(
     picker: &mut Picker<W>,
     detector: &mut dyn Detector,
@@ -111,6 +132,7 @@ fn run<W: Workcell>(
     let mut history: Vec<Tried> = Vec::new();
     let mut budget = 0;
     let mut looked_again = false;
+    let mut blocked = 0;
     loop {
         if picker.stop().request() != StopRequest::None {
             report.stopped = true;
@@ -139,18 +161,14 @@ fn run<W: Workcell>(
                 .filter(|other| other.id != item.id)
                 .cloned()
                 .collect();
-            let class = match item.class {
-                Class::Polygon => 0,
-                Class::Glass => 1,
-                Class::Plate => 2,
-            };
-            let outcome = picker.pick_and_place(item, &others, class, before);
+            let outcome = picker.pick_and_place(item, &others, container_of(item.class), before);
             match outcome {
                 Ok(()) => {
                     report.attempts += 1;
                     report.released += 1;
                     report.log.push((item.id, true));
                     progress = true;
+                    blocked = 0;
                 }
                 // Nothing moved: perhaps another object is in the way.
                 Err(error @ (PickError::NoGrasp { .. } | PickError::Unreachable { .. })) => {
@@ -167,12 +185,17 @@ fn run<W: Workcell>(
                 Err(
                     error @ (PickError::Missed { .. }
                     | PickError::Lost { .. }
-                    | PickError::Plan { .. }),
-                ) => {
+                    | PickError::Plan { .. }
+                    | PickError::Blocked { .. }),
+                ) if may_go_on(&error, blocked) => {
                     tracing::info!(%error, "the attempt failed");
                     report.attempts += 1;
                     report.log.push((item.id, false));
                     report.missed += usize::from(matches!(error, PickError::Missed { .. }));
+                    blocked = match error {
+                        PickError::Blocked { .. } => blocked + 1,
+                        _ => 0,
+                    };
                     let entry = tried(&mut history, item);
                     entry.count += 1;
                     entry.why = error.to_string();
@@ -196,5 +219,24 @@ fn run<W: Workcell>(
             return Ok(());
         }
         looked_again = true;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_blocked_arm_ends_the_run_if_it_holds_something_or_stays_blocked() {
+        let blocked = |step| PickError::Blocked {
+            step,
+            joint: 0,
+            error: 0.2,
+        };
+        for step in [Step::PreGrasp, Step::Approach, Step::Lift, Step::Release] {
+            assert!(may_go_on(&blocked(step), MAX_BLOCKED - 1));
+            assert!(!may_go_on(&blocked(step), MAX_BLOCKED));
+        }
+        assert!(!may_go_on(&blocked(Step::Transport), 0));
     }
 }

@@ -2,9 +2,12 @@
 
 mod support;
 
+use std::collections::VecDeque;
+
 use nalgebra::Vector3;
 use support::{Shared, SimulatedCell, item, shared};
 use yarp_devices::kinematics::Joints;
+use yarp_devices::{Axes, Mode};
 use yarp_manipulation::{
     Item, PickError, Picker, PickerOptions, Step, Stop, Surroundings, Workcell, WorkcellError,
 };
@@ -89,6 +92,59 @@ fn plates_stay_in_the_hand_on_the_way() {
     for (radius, height) in [(0.0905, 0.016), (0.0945, 0.020), (0.0995, 0.024)] {
         check_placed(Shape::Plate { radius, height }, 2);
     }
+}
+
+/// It stands where it shall, with its sides along x and y.
+#[track_caller]
+fn check_set_down(shape: Shape, place: [f64; 2]) {
+    let is_round = matches!(shape, Shape::Glass { .. } | Shape::Plate { .. });
+    let (table, mut picker, item) = table(shape, 0.55, 0.05);
+    picker
+        .pick_and_set_down(&item, &[], place, 0)
+        .expect("it is set down");
+    table.borrow_mut().step(1.0);
+    let table = table.borrow();
+    let pose = table.simulation.scene().objects[0].pose;
+    let away = (pose.translation.x - place[0]).hypot(pose.translation.y - place[1]);
+    assert!(away < 0.015, "{}", pose.translation);
+    let along = pose.rotation * Vector3::x();
+    let upright = (pose.rotation * Vector3::z()).z;
+    assert!(upright > 0.99, "{upright}");
+    let aligned = along.x.abs().max(along.y.abs());
+    assert!(is_round || aligned > 0.99, "{along}");
+    assert_eq!(table.touched, 0, "the robot touched table or baskets");
+}
+
+#[test]
+fn a_box_is_set_down_at_a_place_along_the_axes() {
+    let size = [0.06, 0.09, 0.08];
+    check_set_down(Shape::Box { size }, [0.45, -0.2]);
+}
+
+#[test]
+fn a_glass_is_set_down_at_a_place() {
+    let glass = Shape::Glass {
+        radius: 0.036,
+        height: 0.11,
+        wall: 0.003,
+    };
+    check_set_down(glass, [0.70, 0.15]);
+}
+
+#[test]
+fn an_object_whose_place_is_out_of_reach_is_put_back() {
+    let size = [0.06, 0.09, 0.08];
+    let (table, mut picker, item) = table(Shape::Box { size }, 0.55, 0.05);
+    let error = picker.pick_and_set_down(&item, &[], [1.4, 0.0], 0);
+    let error = error.unwrap_err();
+    let step = Step::Transport;
+    assert!(
+        matches!(error, PickError::Plan { step: at, .. } if at == step),
+        "{error}"
+    );
+    table.borrow_mut().step(1.0);
+    let pose = table.borrow().simulation.scene().objects[0].pose;
+    assert!((pose.translation.x - 0.55).hypot(pose.translation.y - 0.05) < 0.015);
 }
 
 #[test]
@@ -277,4 +333,137 @@ fn a_device_that_fails_leaves_the_object_in_the_hand() {
         "{error}"
     );
     assert!(error.to_string().contains("the simulated table"), "{error}");
+}
+
+/// A cell that hears set points late, and some of them not at all until it is told to hold.
+struct Deaf<F> {
+    cell: SimulatedCell,
+    hears: F,
+    held: bool,
+    /// Number of set points by which it is late, and those that are on their way.
+    delay: usize,
+    late: VecDeque<Joints<7>>,
+}
+
+impl<F: FnMut(&Shared) -> bool> Workcell for Deaf<F> {
+    fn prepare(&mut self) -> Result<(), WorkcellError> {
+        self.cell.prepare()
+    }
+    fn joints(&mut self) -> Result<Joints<7>, WorkcellError> {
+        self.cell.joints()
+    }
+    fn command(&mut self, joints: &Joints<7>) -> Result<(), WorkcellError> {
+        self.late.push_back(*joints);
+        let heard = self.held || (self.hears)(&self.cell.0);
+        match (self.late.len() > self.delay).then(|| self.late.pop_front()) {
+            Some(Some(joints)) if heard => self.cell.command(&joints),
+            _ => Ok(()),
+        }
+    }
+    fn wait(&mut self, seconds: f64) -> Result<(), WorkcellError> {
+        self.cell.wait(seconds)
+    }
+    fn command_hand(&mut self, line: &str) -> Result<String, WorkcellError> {
+        self.cell.command_hand(line)
+    }
+    fn fingers(&mut self) -> Result<[f64; 4], WorkcellError> {
+        self.cell.fingers()
+    }
+    fn hold(&mut self) -> Result<(), WorkcellError> {
+        self.held = true;
+        self.cell.hold()
+    }
+}
+
+type DeafPicker<F> = (Shared, Picker<Deaf<F>>, Item);
+
+fn deaf<F: FnMut(&Shared) -> bool>(delay: usize, hears: F) -> DeafPicker<F> {
+    let shape = Shape::Box {
+        size: [0.06, 0.09, 0.08],
+    };
+    let (table, _, item) = table(shape, 0.55, 0.05);
+    let cell = Deaf {
+        cell: SimulatedCell(table.clone()),
+        hears,
+        held: false,
+        delay,
+        late: VecDeque::new(),
+    };
+    let picker = Picker::new(
+        cell,
+        arm_model(),
+        Surroundings::default(),
+        PickerOptions::default(),
+        Stop::default(),
+    );
+    (table, picker.expect("the simulated arm is ready"), item)
+}
+
+/// Returns true for the first set points.
+fn first(number: usize) -> impl FnMut(&Shared) -> bool {
+    let mut count = 0;
+    move |_| {
+        count += 1;
+        count <= number
+    }
+}
+
+/// An arm that was 0.27 rad late over the network ended the run, although it was on its way.
+#[test]
+fn a_motion_waits_for_an_arm_that_is_late() {
+    let (_table, mut picker, _) = deaf(14, |_| true);
+    let moved = picker.clear_view(&[]);
+    assert!(moved.expect("the arm arrives"));
+}
+
+#[test]
+fn an_arm_that_does_not_follow_is_blocked_and_used_again() {
+    let (_table, mut picker, item) = deaf(0, first(30));
+    let error = picker.pick_and_place(&item, &[], 0, 0).unwrap_err();
+    match error {
+        PickError::Blocked {
+            step: Step::PreGrasp,
+            error,
+            ..
+        } => assert!(error < PickerOptions::default().max_tracking_error),
+        other => panic!("{other}"),
+    }
+    let placed = picker.pick_and_place(&item, &[], 0, 0);
+    placed.expect("it is placed");
+}
+
+/// The arm stops when it notices that a joint has stalled, and takes no set points until its mode is set again: that ended
+/// the run.
+#[test]
+fn an_arm_that_stopped_itself_is_used_again() {
+    let mut count = 0;
+    let (_table, mut picker, item) = deaf(0, move |table: &Shared| {
+        count += 1;
+        if count == 30 {
+            let mut table = table.borrow_mut();
+            let arm = table.simulation.arm_mut();
+            let set = arm.set_control_modes(Axes::All, &[Mode::Position; 7]);
+            set.expect("the mode is set");
+        }
+        true
+    });
+    let error = picker.pick_and_place(&item, &[], 0, 0).unwrap_err();
+    assert!(matches!(error, PickError::Blocked { .. }), "{error}");
+    let placed = picker.pick_and_place(&item, &[], 0, 0);
+    placed.expect("it is placed");
+}
+
+#[test]
+fn an_object_whose_lift_is_blocked_is_put_back() {
+    let (table, mut picker, item) = deaf(0, |table: &Shared| height(table) < 0.0);
+    let before = height(&table);
+    let error = picker.pick_and_place(&item, &[], 0, 0).unwrap_err();
+    let lift = Step::Lift;
+    match error {
+        PickError::Blocked { step, .. } => assert_eq!(step, lift),
+        other => panic!("{other}"),
+    }
+    assert!((height(&table) - before).abs() < 0.01, "{}", height(&table));
+    let clutches = table.borrow().simulation.hand().clutches();
+    assert!(clutches.iter().all(Option::is_none), "{clutches:?}");
 }

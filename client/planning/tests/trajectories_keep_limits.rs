@@ -3,7 +3,9 @@
 use yarp_devices::kinematics::{Joints, Pose};
 use yarp_devices::trajectory::JointLimits;
 use yarp_devices::wam::WamModel;
-use yarp_planning::{Obstacle, Planner, PlannerOptions, Scene, Shape, Trajectory, TrajectoryError};
+use yarp_planning::{
+    Obstacle, Path, Planner, PlannerOptions, Scene, Shape, Trajectory, TrajectoryError,
+};
 
 const SPEED: f64 = 1.5;
 const ACCELERATION: f64 = 4.0;
@@ -100,4 +102,24 @@ fn limits_must_be_positive() {
         limit: 0.0,
     };
     assert_eq!(refused, expected);
+}
+
+/// The arm never arrived: a path of one grid interval had the velocity 0 at both of its ends.
+#[test]
+fn a_tiny_motion_takes_a_short_time() {
+    let start: Joints<7> = [-1.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0].into();
+    for distance in [0.0, 1e-12, 1e-6, 1e-3, 0.009, 0.011] {
+        let mut goal = start;
+        goal[3] += distance;
+        let path = Path::through(vec![start, goal]).unwrap();
+        let limits = JointLimits::uniform(SPEED, ACCELERATION);
+        let trajectory = Trajectory::new(&path, &limits).unwrap();
+        // From rest to rest, at the acceleration alone.
+        let fastest = 2.0 * (distance / ACCELERATION).sqrt();
+        let duration = trajectory.duration();
+        assert!(
+            (fastest * 0.999 - 1e-5..=2.0 * fastest + 1e-3).contains(&duration),
+            "{distance} rad in {duration} s"
+        );
+    }
 }

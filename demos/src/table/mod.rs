@@ -6,16 +6,23 @@
 //! | `container_view` | [`ContainerView`]: what depth sensors see in the baskets |
 //! | `truth` | [`RemoteTruth`]: a detector that asks the table itself, with noise |
 //! | `vision` | a detector that looks through the table's cameras (feature `vision`) |
+//! | `demo_session` | [`TableDemoOptions`]: the start of a demo, here or on devices elsewhere |
 //! | `tidy` | [`tidy::run`]: every object into the basket of its class |
+//! | `reorder` | [`reorder::run`]: every object into the slot that was commanded |
+//! | `slot_orders` | the port at which programs command slots |
 
 mod container_view;
+mod demo_session;
+pub mod reorder;
 mod served_table;
+mod slot_orders;
 pub mod tidy;
 mod truth;
 #[cfg(feature = "vision")]
 mod vision;
 
 pub use container_view::ContainerView;
+pub use demo_session::{DetectorChoice, NOISE, TableDemoOptions};
 pub use served_table::ServedTable;
 pub use truth::{RemoteTruth, serve_truth};
 #[cfg(feature = "vision")]

@@ -1,74 +1,24 @@
 //! Tidying the table over the network: one process serves table and name server, all devices are found by their names.
 
 use std::io::Write;
-use std::time::Instant;
 
 use serde_json::json;
-use yarp_client::ports::blocking::wait;
-use yarp_client::{Hand, Network, Robot};
-use yarp_manipulation::{
-    Detector, Picker, PickerOptions, RemoteWorkcell, Surroundings, TidyOptions, TidyReport, tidy,
-};
-use yarp_nameserver::{Server, ServerOptions};
-use yarp_table::{Class, LiveOptions, LiveTable, Placement, Scene, arm_model};
+use yarp_client::Network;
+use yarp_manipulation::{TidyOptions, TidyReport, tidy};
+use yarp_table::{Class, Placement, Scene};
 
 pub use yarp_manipulation::Stop;
 
-use super::{ContainerView, RemoteTruth, ServedTable, TableDemoError};
+use super::demo_session::{connect, with_table};
+use super::{RemoteTruth, TableDemoError, TableDemoOptions};
 use crate::DemoError;
-
-/// Standard deviation of a detected place along x and y by default, m.
-pub const NOISE: f64 = 0.001;
-
-/// Sources of objects.
-#[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
-#[non_exhaustive]
-pub enum DetectorChoice {
-    /// Asks the simulation, with noise.
-    #[default]
-    Truth,
-    /// Looks through the cameras.
-    #[cfg(feature = "vision")]
-    Vision,
-}
-
-/// Options of the demo.
-#[derive(Clone, Debug)]
-#[non_exhaustive]
-pub struct TidyDemoOptions {
-    /// Number of random objects.
-    pub objects: usize,
-    /// Seed of objects, friction and noise.
-    pub seed: u64,
-    /// Speed of the table relative to real time, 0.1 to 20.
-    pub speed: f64,
-    /// Standard deviation of a detected place along x and y, m.
-    pub noise: f64,
-    /// Source of the objects.
-    pub detector: DetectorChoice,
-    /// Network and prefix of a table that runs elsewhere; `None` starts a table and a name server here.
-    pub remote: Option<(Network, String)>,
-}
-
-impl Default for TidyDemoOptions {
-    fn default() -> Self {
-        Self {
-            objects: 8,
-            seed: 1,
-            speed: 2.0,
-            noise: NOISE,
-            detector: DetectorChoice::default(),
-            remote: None,
-        }
-    }
-}
 
 /// Tidies a table and writes the result; returns whether it is above the targets.
 ///
 /// Blocks until the table is empty, or `stop` is pressed. With a table elsewhere nobody here knows the truth: then the
 /// result has only what the client knows, and is above the targets if nothing was left.
 pub fn run(
-    options: &TidyDemoOptions,
+    options: &TableDemoOptions,
     stop: &Stop,
     json: bool,
     out: &mut dyn Write,
@@ -189,68 +139,28 @@ impl Judgement {
 }
 
 fn tidy_here(
-    options: &TidyDemoOptions,
+    options: &TableDemoOptions,
     stop: &Stop,
 ) -> Result<(TidyReport, Judgement), TableDemoError> {
-    let scene = Scene::random(
-        options.seed,
-        &Placement::default().with_count(options.objects),
-    )?;
-    let names = wait(Server::start(ServerOptions::default().at("127.0.0.1", 0)))?;
-    let network = names.network();
-    let mut live = LiveOptions::default();
-    live.speed = options.speed;
-    live.seed = options.seed;
-    let table = LiveTable::start(scene, live)?;
-    let served = ServedTable::open(&network, "", table, options.speed)?;
-    let (begin, before) = (Instant::now(), served.table().statistics());
-    let outcome = tidy_on(&network, "", options, stop);
-    let (wall, after) = (begin.elapsed(), served.table().statistics());
-    let judged = outcome.map(|report| {
-        let mut judgement = Judgement::of(&served.table().scene(), &report);
-        judgement.simulated = (after.simulated - before.simulated).as_secs_f64();
-        judgement.collisions = after.collisions - before.collisions;
-        judgement.wall = wall.as_secs_f64();
-        (report, judgement)
-    });
-    served.close();
-    wait(names.close());
-    judged
+    let placement = Placement::default().with_count(options.objects);
+    let (report, end) = with_table(options, &placement, |network| {
+        tidy_on(network, "", options, stop)
+    })?;
+    let mut judgement = Judgement::of(&end.scene, &report);
+    judgement.simulated = end.simulated;
+    judgement.collisions = end.collisions;
+    judgement.wall = end.wall;
+    Ok((report, judgement))
 }
 
 /// Tidies a table that is somewhere on the network.
 fn tidy_on(
     network: &Network,
     prefix: &str,
-    options: &TidyDemoOptions,
+    options: &TableDemoOptions,
     stop: &Stop,
 ) -> Result<TidyReport, TableDemoError> {
-    let names = [format!("{prefix}/wam"), format!("{prefix}/hand")];
-    let arm = Robot::connect_on(network, &names[0])?;
-    let hand = Hand::connect_on(network, &names[1])?;
-    let mut detector: Box<dyn Detector> = match options.detector {
-        DetectorChoice::Truth => {
-            let truth = format!("{prefix}/truth/rpc:i");
-            let (noise, seed) = (options.noise, options.seed);
-            Box::new(RemoteTruth::connect(network, &truth, noise, seed)?)
-        }
-        #[cfg(feature = "vision")]
-        DetectorChoice::Vision => {
-            let cameras = ["camera", "depth"].map(|name| format!("{prefix}/{name}"));
-            Box::new(super::RemoteVision::connect(network, cameras)?)
-        }
-    };
-    let mut cell = RemoteWorkcell::new(arm, hand, [&names[0], &names[1]], options.speed);
-    match ContainerView::connect(network, prefix) {
-        Ok(mut view) => cell = cell.with_container_view(move || view.look()),
-        Err(error) => {
-            tracing::warn!(%error, "nothing sees into the containers; their heights are estimates");
-        }
-    }
-    let mut picking = PickerOptions::default();
-    picking.seed = options.seed;
-    let surroundings = Surroundings::default();
-    let mut picker = Picker::new(cell, arm_model(), surroundings, picking, stop.clone())?;
+    let (mut picker, mut detector) = connect(network, prefix, options, stop)?;
     Ok(tidy(
         &mut picker,
         detector.as_mut(),

@@ -3,9 +3,11 @@
 //! | step | failure | recovery |
 //! | --- | --- | --- |
 //! | plan | no grasp fits, out of reach, no path | nothing has moved; the next grasp, then the next object |
-//! | pre-grasp, approach | the arm does not follow | it holds where it is, the error reports the joint |
+//! | pre-grasp, approach | the arm does not follow | it holds where it is; the next attempt begins there |
+//! | lift | the arm does not follow | put the object back |
+//! | transport | the arm does not follow | a new motion from where it is, once; then it holds and the object stays held |
 //! | grasp, verify | the fingers closed on nothing | open, back up; the object is detected again and tried once more |
-//! | transport | no free path to the container | put the object back where it was |
+//! | transport | no free path to the container or place | put the object back where it was |
 //! | release | the hand does not open | the arm holds above the container, the object stays held |
 //! | any | stop, emergency stop, a device is gone | the arm holds, the hand keeps its grip |
 
@@ -16,6 +18,7 @@ use yarp_devices::kinematics::Joints;
 use yarp_devices::wam::WamModel;
 use yarp_planning::PlanError;
 
+use self::plan::PickPlan;
 use crate::filling::Filling;
 use crate::grasp::{Grasp, GraspOptions};
 use crate::item::Item;
@@ -283,14 +286,18 @@ impl<W: Workcell> Picker<W> {
         first: usize,
     ) -> Result<(), PickError> {
         let outcome = self.try_pick_and_place(item, others, container, first);
-        if let Err(
-            PickError::Workcell { .. } | PickError::Stopped { .. } | PickError::Blocked { .. },
-        ) = &outcome
-        {
-            // The first error is the one to report.
-            let _ = self.cell.hold();
-        }
+        self.hold_after(&outcome);
         outcome
+    }
+
+    /// Holds an arm that does not follow: the next motion begins where it is.
+    fn hold_here(&mut self, step: Step) -> Result<(), PickError> {
+        let failed = |source| PickError::Workcell { step, source };
+        self.cell.hold().map_err(failed)?;
+        let joints = self.cell.joints().map_err(failed)?;
+        self.at = self.model.chain.clamp(&joints);
+        self.correction = Joints::<7>::zeros();
+        Ok(())
     }
 
     fn try_pick_and_place(
@@ -300,13 +307,104 @@ impl<W: Workcell> Picker<W> {
         container: usize,
         first: usize,
     ) -> Result<(), PickError> {
+        let plan = self.pick(item, others, first)?;
+        let step = Step::Lift;
+        let points = self.cell.look_into_containers();
+        let points = points.map_err(|source| PickError::Workcell { step, source })?;
+        for filling in &mut self.fillings {
+            filling.measure(&points);
+        }
+        let planned = self.plan_transport(item, others, &plan.grasp, container);
+        let (transport, mut spot) = match planned {
+            Ok(transport) => transport,
+            Err(error) => return Err(self.put_back(&plan).err().unwrap_or(error)),
+        };
+        let carried = self.carry(&transport.slowed(LOADED), Step::Transport);
+        if let Err(PickError::Blocked { .. }) = carried {
+            self.hold_here(Step::Transport)?;
+            let again = self.plan_transport(item, others, &plan.grasp, container);
+            let Ok((transport, other)) = again else {
+                return carried;
+            };
+            spot = other;
+            self.carry(&transport.slowed(LOADED), Step::Transport)?;
+        } else {
+            carried?;
+        }
+        self.settle(Step::Transport)?;
+        self.check_held(item, &plan.grasp, Step::Transport)?;
+        self.fillings[container].add(&spot, item.shape.height());
+        self.let_go(&plan.grasp, Step::Release)
+    }
+
+    /// Picks `item` and sets it down on the table with its middle at `place`, m, where its sides are along x and y.
+    ///
+    /// `others` are the other objects on the table. `first` skips grasps: 0 begins with the preferred one. Without a path to
+    /// the place the object is put back where it was. Errors: [`PickError`].
+    pub fn pick_and_set_down(
+        &mut self,
+        item: &Item,
+        others: &[Item],
+        place: [f64; 2],
+        first: usize,
+    ) -> Result<(), PickError> {
+        let outcome = self.try_pick_and_set_down(item, others, place, first);
+        self.hold_after(&outcome);
+        outcome
+    }
+
+    fn try_pick_and_set_down(
+        &mut self,
+        item: &Item,
+        others: &[Item],
+        place: [f64; 2],
+        first: usize,
+    ) -> Result<(), PickError> {
+        let plan = self.pick(item, others, first)?;
+        let planned = self.plan_set_down(item, others, &plan.grasp, place);
+        let set_down = match planned {
+            Ok(set_down) => set_down,
+            Err(error) => return Err(self.put_back(&plan).err().unwrap_or(error)),
+        };
+        self.carry(&set_down.transport.slowed(LOADED), Step::Transport)?;
+        self.settle(Step::Transport)?;
+        self.check_held(item, &plan.grasp, Step::Transport)?;
+        self.carry(&set_down.line.down.slowed(LOADED), Step::Release)?;
+        self.settle(Step::Release)?;
+        self.let_go(&plan.grasp, Step::Release)?;
+        self.follow(&set_down.line.up, Step::Release)
+    }
+
+    /// Lets the arm hold where it is after an error that leaves it on its way; the first error is the one to report.
+    fn hold_after(&mut self, outcome: &Result<(), PickError>) {
+        match outcome {
+            Err(PickError::Workcell { .. } | PickError::Stopped { .. }) => {
+                let _ = self.cell.hold();
+            }
+            Err(PickError::Blocked { step, .. }) => {
+                let _ = self.hold_here(*step);
+            }
+            _ => {}
+        }
+    }
+
+    /// Sets an object that was picked down where it was.
+    fn put_back(&mut self, plan: &PickPlan) -> Result<(), PickError> {
+        self.follow(&plan.line.down, Step::Release)?;
+        self.settle(Step::Release)?;
+        self.let_go(&plan.grasp, Step::Release)?;
+        self.follow(&plan.line.up, Step::Release)
+    }
+
+    /// Grasps an object and lifts it.
+    fn pick(&mut self, item: &Item, others: &[Item], first: usize) -> Result<PickPlan, PickError> {
         self.leave_home()?;
         self.back_up(item, others)?;
         let plan = self.plan_pick(item, others, first)?;
         self.shape_hand(&plan.grasp)?;
         let approach = self.plan_transit(item, others, &plan)?;
         self.follow(&approach, Step::PreGrasp)?;
-        self.follow(&plan.down, Step::Approach)?;
+        self.follow(&plan.line.down, Step::Approach)?;
         self.settle(Step::Approach)?;
         let grip = match plan.grasp.contact < STEEP_CONTACT {
             true => STEEP_GRIP,
@@ -317,36 +415,25 @@ impl<W: Workcell> Picker<W> {
         self.pause(GRIP_TIME, Step::Grasp)?;
         if self.is_empty(Step::Grasp)? {
             self.let_go(&plan.grasp, Step::Grasp)?;
-            self.follow(&plan.up, Step::Lift)?;
+            self.follow(&plan.line.up, Step::Lift)?;
             let item = item.label.clone();
             return Err(PickError::Missed { item });
         }
-        self.follow(&plan.up.slowed(LOADED), Step::Lift)?;
+        let lifted = self.follow(&plan.line.up.slowed(LOADED), Step::Lift);
+        if let Err(blocked @ PickError::Blocked { .. }) = lifted {
+            self.hold_here(Step::Lift)?;
+            if let Some(back) = self.timed(vec![self.at, plan.line.down.end()]) {
+                self.follow(&back.slowed(LOADED), Step::Transport)?;
+            }
+            self.let_go(&plan.grasp, Step::Release)?;
+            self.follow(&plan.line.up, Step::Release)?;
+            return Err(blocked);
+        }
+        lifted?;
         // The correction contains the weight from here on.
         self.settle(Step::Lift)?;
         self.check_held(item, &plan.grasp, Step::Lift)?;
-        let step = Step::Lift;
-        let points = self.cell.look_into_containers();
-        let points = points.map_err(|source| PickError::Workcell { step, source })?;
-        for filling in &mut self.fillings {
-            filling.measure(&points);
-        }
-        let planned = self.plan_transport(item, others, &plan.grasp, container);
-        let (transport, spot) = match planned {
-            Ok(transport) => transport,
-            Err(error) => {
-                self.follow(&plan.down, Step::Release)?;
-                self.settle(Step::Release)?;
-                self.let_go(&plan.grasp, Step::Release)?;
-                self.follow(&plan.up, Step::Release)?;
-                return Err(error);
-            }
-        };
-        self.carry(&transport.slowed(LOADED), Step::Transport)?;
-        self.settle(Step::Transport)?;
-        self.check_held(item, &plan.grasp, Step::Transport)?;
-        self.fillings[container].add(&spot, item.shape.height());
-        self.let_go(&plan.grasp, Step::Release)
+        Ok(plan)
     }
 
     /// Returns the readings of the strain gauges of F1, F2 and F3; zeros if the hand has none.

@@ -13,6 +13,12 @@ const CORRECTION_TIME: f64 = 0.12;
 const MAX_CORRECTION: f64 = 0.06;
 /// Maximum change of a correction, rad: a larger step would be a jerk.
 const MAX_CORRECTION_STEP: f64 = 0.015;
+/// Tracking errors, as parts of the maximum, from which on a motion slows down and at which its set point waits for the arm.
+const SLOWS_FROM: f64 = 0.4;
+const WAITS_AT: f64 = 0.8;
+/// Part of the planned pace below which the arm counts as not moving on, and the time after which it is blocked, s.
+const MIN_PACE: f64 = 0.1;
+const BLOCKED_TIME: f64 = 1.0;
 /// Interval at which the speed of elbow and wrist is examined, s.
 const SPEED_INTERVAL: f64 = 0.02;
 
@@ -75,22 +81,37 @@ impl<W: Workcell> Picker<W> {
     fn follow_with(&mut self, motion: &Motion, step: Step, fades: bool) -> Result<(), PickError> {
         let interval = self.options.interval;
         let duration = motion.trajectory.duration() * motion.slower;
-        let count = (duration / interval).ceil() as usize;
         let correction = self.correction;
-        for index in 1..=count {
+        let (mut time, mut pace, mut waiting) = (0.0, 1.0, 0.0);
+        while time < duration {
             self.check_stop(step)?;
-            let time = (index as f64 * interval).min(duration);
+            time = (time + interval * pace).min(duration);
             let planned = motion.trajectory.joints_at(time / motion.slower);
             self.at = planned;
             if fades {
                 // What corrected the last posture does not suit the next.
                 self.correction = correction * (1.0 - time / duration.max(interval));
             }
-            self.command(step)?;
+            self.command_or_stall(step)?;
             self.call(step, |cell| cell.wait(interval))?;
-            self.check_tracking(step)?;
+            let (joint, error) = self.tracking_error(step)?;
+            pace = self.pace(error);
+            waiting = match pace < MIN_PACE {
+                true => waiting + interval,
+                false => 0.0,
+            };
+            if error > self.options.max_tracking_error || waiting > BLOCKED_TIME {
+                return Err(PickError::Blocked { step, joint, error });
+            }
         }
         Ok(())
+    }
+
+    /// Returns the part of its planned speed at which a motion goes on while the arm is this far from its set point, rad: a
+    /// network or a robot that is late for a moment makes a motion slower, and does not end it.
+    fn pace(&self, error: f64) -> f64 {
+        let part = error / self.options.max_tracking_error;
+        ((WAITS_AT - part) / (WAITS_AT - SLOWS_FROM)).clamp(0.0, 1.0)
     }
 
     /// Waits at the end of a motion until friction and load are corrected.
@@ -122,18 +143,27 @@ impl<W: Workcell> Picker<W> {
         self.call(step, |cell| cell.command(&target))
     }
 
-    fn check_tracking(&mut self, step: Step) -> Result<(), PickError> {
+    /// Sends the set point. An arm that noticed itself that a joint stalled refuses it, and takes set points again once it is
+    /// prepared for them: then it was blocked, and has not failed.
+    fn command_or_stall(&mut self, step: Step) -> Result<(), PickError> {
+        let refused = match self.command(step) {
+            Ok(()) => return Ok(()),
+            Err(refused) => refused,
+        };
+        if self.cell.prepare().is_err() {
+            return Err(refused);
+        }
+        let (joint, error) = self.tracking_error(step)?;
+        tracing::info!(%refused, %step, "the arm stopped");
+        Err(PickError::Blocked { step, joint, error })
+    }
+
+    /// Returns the joint that is farthest from its set point, and how far, rad.
+    fn tracking_error(&mut self, step: Step) -> Result<(usize, f64), PickError> {
         let measured = self.call(step, Workcell::joints)?;
         let away = (self.at - measured).abs();
         let joint = away.imax();
-        match away[joint] > self.options.max_tracking_error {
-            true => Err(PickError::Blocked {
-                step,
-                joint,
-                error: away[joint],
-            }),
-            false => Ok(()),
-        }
+        Ok((joint, away[joint]))
     }
 
     fn call<R>(

@@ -1,6 +1,6 @@
 //! Plans of one object: grasp, straight lines, and motions between them.
 
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 use nalgebra::{Point3, Rotation3, Vector3};
 use yarp_devices::kinematics::{Joints, Pose};
@@ -24,6 +24,8 @@ const LIFTS: [f64; 5] = [0.20, 0.15, 0.12, 0.09, 0.06];
 const LINE_STEP: f64 = 0.02;
 /// Height of a held object's bottom above the rim of the container when it is released, m.
 const RELEASE_HEIGHT: f64 = 0.022;
+/// Height of a held object's bottom above the table when it is set down, m: the arm may be so much lower than its set point.
+const SET_DOWN_HEIGHT: f64 = 0.003;
 /// Number of directions of the hand above a container.
 const RELEASE_DIRECTIONS: u32 = 8;
 /// Number of directions in which the sides of an object are along the walls.
@@ -48,7 +50,20 @@ const HELD_RADIUS: [f64; 2] = [0.02, 0.008];
 #[derive(Debug)]
 pub(super) struct PickPlan {
     pub(super) grasp: Grasp,
-    /// Posture above the object.
+    pub(super) line: Line,
+}
+
+/// A plan of setting a held object down on the table.
+#[derive(Debug)]
+pub(super) struct SetDownPlan {
+    pub(super) transport: Motion,
+    pub(super) line: Line,
+}
+
+/// A straight motion down to a pose of the hand, and up again.
+#[derive(Debug)]
+pub(super) struct Line {
+    /// Posture at its upper end.
     above: Joints<7>,
     pub(super) down: Motion,
     pub(super) up: Motion,
@@ -96,10 +111,22 @@ impl<W: Workcell> Picker<W> {
         let near = near.with_margin(APPROACH_MARGIN);
         let around = self.scene(others.iter().chain([item]));
         let far = self.collisions(geometry, around);
-        let postures = self.solver.postures(&grasp.hand, &self.at, &near)?;
+        let hand = grasp.hand;
+        let line = self.plan_line(&hand, &near, &far)?;
+        Ok(PickPlan { grasp, line })
+    }
+
+    /// Plans a straight motion to a pose of the hand: free in `near` all along, and in `far` at its upper end.
+    fn plan_line(
+        &mut self,
+        hand: &Pose,
+        near: &CollisionModel,
+        far: &CollisionModel,
+    ) -> Result<Line, PlanFailure> {
+        let postures = self.solver.postures(hand, &self.at, near)?;
         for posture in postures.iter().take(POSTURES) {
             for lift in LIFTS {
-                let mut above = grasp.hand;
+                let mut above = *hand;
                 above.translation.z += lift;
                 let steps = (lift / LINE_STEP).ceil() as usize;
                 let Some(line) = self.solver.line(posture, &above, steps) else {
@@ -120,12 +147,7 @@ impl<W: Workcell> Picker<W> {
                 let (Some(up), Some(down)) = (self.timed(up), self.timed(down)) else {
                     continue;
                 };
-                return Ok(PickPlan {
-                    grasp,
-                    above,
-                    down,
-                    up,
-                });
+                return Ok(Line { above, down, up });
             }
         }
         Err(PlanFailure::NoLine)
@@ -140,7 +162,7 @@ impl<W: Workcell> Picker<W> {
     ) -> Result<Motion, PickError> {
         let geometry = ArmGeometry::wam_with_hand(&plan.grasp.fingers());
         let scene = self.scene(others.iter().chain([item]));
-        self.plan_motion(geometry, scene, &[plan.above])
+        self.plan_motion(geometry, scene, &[plan.line.above])
             .map_err(|source| PickError::Plan {
                 step: Step::PreGrasp,
                 source,
@@ -195,6 +217,41 @@ impl<W: Workcell> Picker<W> {
                 Err(error) => last = error,
             }
         }
+        Err(PickError::Plan { step, source: last })
+    }
+
+    /// Plans the motions of a held object to a place on the table, in the first direction in which there are any.
+    pub(super) fn plan_set_down(
+        &mut self,
+        item: &Item,
+        others: &[Item],
+        grasp: &Grasp,
+        place: [f64; 2],
+    ) -> Result<SetDownPlan, PickError> {
+        let mut held_geometry = ArmGeometry::wam_with_hand(&grasp.fingers());
+        for sphere in held(item, grasp) {
+            held_geometry = held_geometry.with_sphere(sphere);
+        }
+        let scene = self.scene(others);
+        let near = self.collisions(held_geometry.clone(), scene.clone());
+        let near = near.with_margin(APPROACH_MARGIN);
+        let far = self.collisions(held_geometry.clone(), scene.clone());
+        let mut last = PlanFailure::NoLine;
+        for turn in set_down_turns(item) {
+            let hand = set_down_pose(item, grasp, place, turn);
+            let line = match self.plan_line(&hand, &near, &far) {
+                Ok(line) => line,
+                Err(failure) => {
+                    last = failure;
+                    continue;
+                }
+            };
+            match self.plan_motion(held_geometry.clone(), scene.clone(), &[line.above]) {
+                Ok(transport) => return Ok(SetDownPlan { transport, line }),
+                Err(failure) => last = failure,
+            }
+        }
+        let step = Step::Transport;
         Err(PickError::Plan { step, source: last })
     }
 
@@ -281,6 +338,28 @@ impl<W: Workcell> Picker<W> {
     }
 }
 
+/// Returns turns about the vertical after which the sides of an item are along x and y, rad; the least turn first.
+fn set_down_turns(item: &Item) -> Vec<f64> {
+    let (directions, begin) = match item.shape {
+        ItemShape::Cylinder { .. } => (RELEASE_DIRECTIONS, 0.0),
+        ItemShape::Cuboid { .. } | ItemShape::Prism { .. } => (ALIGNED_DIRECTIONS, -item.yaw()),
+    };
+    let turn = |direction| begin + TAU * f64::from(direction) / f64::from(directions);
+    let centred = |angle: f64| (angle + PI).rem_euclid(TAU) - PI;
+    let mut turns: Vec<f64> = (0..directions).map(turn).map(centred).collect();
+    turns.sort_by(|one, other| one.abs().total_cmp(&other.abs()));
+    turns
+}
+
+/// Returns the pose of the hand in which it sets an item down, turned by `turn` about the vertical.
+fn set_down_pose(item: &Item, grasp: &Grasp, place: [f64; 2], turn: f64) -> Pose {
+    let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), turn);
+    let beside = turn * (grasp.hand.translation.vector - item.pose.translation.vector);
+    let middle = Vector3::new(place[0], place[1], item.pose.translation.z);
+    let hand = middle + beside + Vector3::new(0.0, 0.0, SET_DOWN_HEIGHT);
+    Pose::from_parts(hand.into(), turn * grasp.hand.rotation)
+}
+
 /// Returns directions and places of a release, rad about the vertical, the lowest places first.
 fn releases(item: &Item, filling: &Filling) -> Vec<(f64, Spot)> {
     let mut all = Vec::new();
@@ -346,11 +425,13 @@ fn held(item: &Item, grasp: &Grasp) -> Vec<LinkSphere> {
     let (radius, height) = (item.shape.radius(), item.shape.height());
     let size = (height / 2.0).clamp(HELD_RADIUS[1], HELD_RADIUS[0]);
     let ring = (radius - size).max(0.0);
-    let levels = (height / (2.0 * size)).ceil().max(1.0) as usize;
+    // From the bottom to the top of the object, and not beyond: it is set down on the table.
+    let end = (height / 2.0 - size).max(0.0);
+    let levels = (2.0 * end / (1.5 * size)).ceil() as usize;
     let around = ((TAU * ring / (3.0 * size)).ceil() as usize).max(1);
     let mut spheres = Vec::new();
-    for level in 0..levels {
-        let z = height * ((level as f64 + 0.5) / levels as f64 - 0.5);
+    for level in 0..=levels {
+        let z = end * (2.0 * level as f64 / levels.max(1) as f64 - 1.0);
         let mut add = |x: f64, y: f64, radius: f64| {
             spheres.push(LinkSphere {
                 link: 7,
@@ -461,5 +542,6 @@ mod tests {
                 reach[axis]
             );
         }
+        assert!((reach[2] - 0.035).abs() < 1e-9, "{}", reach[2]);
     }
 }

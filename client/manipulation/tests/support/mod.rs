@@ -88,6 +88,7 @@ impl SimulatedCell {
 
 impl Workcell for SimulatedCell {
     fn prepare(&mut self) -> Result<(), WorkcellError> {
+        self.fail()?;
         let mut table = self.0.borrow_mut();
         let arm = table.simulation.arm_mut();
         let set = arm.set_control_modes(Axes::All, &[Mode::PositionDirect; 7]);

@@ -17,6 +17,8 @@ const MAX_DEVIATION: f64 = 0.002;
 const GRID_STEP: f64 = 0.01;
 /// Smallest number of grid intervals of a rounded corner, within which the direction changes.
 const MIN_CORNER_STEPS: f64 = 16.0;
+/// Smallest number of grid intervals of a straight piece: between two points at rest there must be one that moves.
+const MIN_STRAIGHT_STEPS: f64 = 2.0;
 /// Largest number of grid points.
 const MAX_GRID: usize = 20_000;
 
@@ -206,7 +208,7 @@ impl Grid {
             let least = if piece.second.amax() > 0.0 {
                 MIN_CORNER_STEPS
             } else {
-                1.0
+                MIN_STRAIGHT_STEPS
             };
             let count = (piece.length / GRID_STEP).ceil().max(least);
             let step = piece.length / count;

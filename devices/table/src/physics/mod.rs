@@ -149,7 +149,7 @@ impl Physics {
         let frames = simulated_robot::frames(&self.chain, &posture);
         for (body, frame) in self.robot.iter().zip(&frames) {
             if let Some(body) = body.and_then(|body| self.world.bodies.get_mut(body)) {
-                body.set_next_kinematic_position(bodies::to_engine(frame));
+                bodies::send(body, frame);
             }
         }
         self.world.step();

@@ -1,6 +1,6 @@
 //! Solids that rays meet.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Matrix3;
 
 use super::hit::{Hit, Vector};
 use super::material::Material;
