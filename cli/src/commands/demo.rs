@@ -13,6 +13,8 @@ use crate::network_access;
 #[cfg(all(unix, feature = "table"))]
 use crate::signals::Interrupt;
 #[cfg(all(unix, feature = "table"))]
+use yarp_demos::DemoError;
+#[cfg(all(unix, feature = "table"))]
 use yarp_demos::table::{reorder, tidy, tidy::Stop};
 
 /// repeat the thesis's experiments on the simulated arm
@@ -122,7 +124,7 @@ impl TableArgs {
 /// Runs a demo on the table until it ends; the first signal finishes the current object, the second halts.
 #[cfg(all(unix, feature = "table"))]
 async fn on_table(
-    demo: impl FnOnce(&Stop, &mut Vec<u8>) -> Result<bool, yarp_demos::DemoError> + Send + 'static,
+    demo: impl FnOnce(&Stop, &mut Vec<u8>) -> std::result::Result<bool, DemoError> + Send + 'static,
     out: &mut dyn Write,
 ) -> Result<ExitCode> {
     let stop = Stop::default();
