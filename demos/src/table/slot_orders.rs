@@ -9,8 +9,6 @@ use yarp_manipulation::{ByClass, Item, SlotCommander, SlotGrid, SlotOrders, Stop
 
 /// Interval at which a stop request is looked for while no orders come.
 const STOP_INTERVAL: Duration = Duration::from_millis(100);
-/// Maximum number of objects of a reply, and of orders.
-const MAX_OBJECTS: usize = 1000;
 const HELP: &str = "list: [is] (ID LABEL SLOT X Y) ... with SLOT -1 outside of all; slots: [is] (SLOT X Y) ...; \
     put ID SLOT: the object shall stand there; quit: end when the orders are carried out";
 
@@ -73,7 +71,7 @@ impl Shared {
 
     fn list(&self) -> Bottle {
         let mut reply = bottle!["is"];
-        for (id, (label, place)) in self.state().seen.iter().take(MAX_OBJECTS) {
+        for (id, (label, place)) in &self.state().seen {
             let slot = self.grid.slot_at(*place).map_or(-1, |slot| slot as i32);
             let [x, y] = *place;
             reply.push(Value::List(bottle![*id as i32, label.as_str(), slot, x, y]));
@@ -94,17 +92,15 @@ impl Shared {
             .ok()
             .filter(|id| state.seen.contains_key(id));
         let id = id.ok_or("no such object on the table; see list")?;
-        if let Some((other, _)) = state
-            .orders
-            .iter()
-            .find(|(other, at)| **at == slot && **other != id)
-        {
-            return Err(format!(
-                "slot {slot} is for object {other}; put that elsewhere first"
-            ));
-        }
-        if state.orders.len() >= MAX_OBJECTS {
-            return Err("too many orders".to_owned());
+        let mut taken = state.orders.iter().map(|(other, at)| (*other, *at));
+        if let Some((other, _)) = taken.find(|(other, at)| *at == slot && *other != id) {
+            if state.seen.contains_key(&other) {
+                return Err(format!(
+                    "slot {slot} is for object {other}; put that elsewhere first"
+                ));
+            }
+            // It is gone.
+            state.orders.remove(&other);
         }
         state.orders.insert(id, slot);
         state.is_new = true;
@@ -182,5 +178,81 @@ impl SlotCommander for PortOrders {
             state = waited.unwrap_or_else(PoisonError::into_inner).0;
         }
         state.is_new && !state.quits
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn shared() -> Shared {
+        let mut state = State::default();
+        let seen = [(4, "glass", [0.43, 0.24]), (7, "box", [0.5, 0.1])];
+        for (id, label, place) in seen {
+            state.seen.insert(id, (label.to_owned(), place));
+        }
+        Shared {
+            state: Mutex::new(state),
+            changed: Condvar::new(),
+            grid: SlotGrid::default(),
+        }
+    }
+
+    fn reply(shared: &Shared, request: &str) -> String {
+        let request: Bottle = request.parse().unwrap();
+        shared.reply(&request).to_string()
+    }
+
+    #[test]
+    fn objects_are_listed_with_their_slots() {
+        let list = bottle![
+            "is",
+            Value::List(bottle![4, "glass", 0, 0.43, 0.24]),
+            Value::List(bottle![7, "box", -1, 0.5, 0.1])
+        ];
+        assert_eq!(shared().list(), list);
+        let slots = reply(&shared(), "slots");
+        assert!(
+            slots.starts_with("is (0 0.43") && slots.contains("(5 0.67"),
+            "{slots}"
+        );
+        assert_eq!(slots.matches('(').count(), 6);
+    }
+
+    #[test]
+    fn orders_are_taken_or_refused_with_the_reason() {
+        let shared = shared();
+        for (request, expected) in [
+            ("put 7 5", "ok"),
+            (
+                "put 4 5",
+                "fail \"slot 5 is for object 7; put that elsewhere first\"",
+            ),
+            ("put 7 2", "ok"),
+            ("put 4 5", "ok"),
+            ("put 4 6", "fail \"there are slots 0 to 5\""),
+            ("put 4 -1", "fail \"there are slots 0 to 5\""),
+            ("put 5 1", "fail \"no such object on the table; see list\""),
+            ("put -4 1", "fail \"no such object on the table; see list\""),
+            ("put 4", "fail \"expected put ID SLOT with two numbers\""),
+            (
+                "put glass 1",
+                "fail \"expected put ID SLOT with two numbers\"",
+            ),
+            (
+                "stop",
+                "fail \"expected list, slots, put ID SLOT, quit or help\"",
+            ),
+        ] {
+            assert_eq!(reply(&shared, request), expected, "{request}");
+        }
+        assert_eq!(shared.state().orders, SlotOrders::from([(4, 5), (7, 2)]));
+        // An object that is gone leaves its slot to others.
+        shared.state().seen.remove(&4);
+        assert_eq!(reply(&shared, "put 7 5"), "ok");
+        assert_eq!(shared.state().orders, SlotOrders::from([(7, 5)]));
+        assert!(shared.state().is_new && !shared.state().quits);
+        assert_eq!(reply(&shared, "quit"), "ok");
+        assert!(shared.state().quits);
     }
 }
