@@ -620,6 +620,23 @@ fn a_terminal_connects_itself_with_the_ports_of_another_server() {
     );
 }
 
+/// Killed ports leave their names; the terminal waited for them for ever.
+#[test]
+fn a_terminal_ends_with_a_killed_command() {
+    let home = Home::new();
+    let _name_server = home.serve();
+    let mut terminal = home.start("run --readwrite /s");
+    session_port(&home, "/s/stdio:i");
+    let mut output = home.start("write /s/stdout").see("active at");
+    output.reaches(&mut terminal, "text");
+    output.kill();
+    until("end of the terminal", || {
+        let is_open = home.names().iter().any(|name| name.contains("stdio"));
+        (!is_open).then_some(())
+    });
+    terminal.finish().with(0);
+}
+
 #[test]
 fn a_terminal_needs_a_network_and_its_ports() {
     let home = Home::new();

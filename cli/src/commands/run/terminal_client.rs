@@ -2,14 +2,16 @@
 //!
 //! Source: `RunReadWrite.cpp` of YARP 3.5. The ports of a command are `SESSION/stdout` and `SESSION/stdin`.
 
-use std::io::{BufRead, Read, Write};
+use std::io::{BufRead, ErrorKind, Read, Write};
 use std::process::ExitCode;
 use std::time::Duration;
 
 use tokio::sync::mpsc;
 use tokio::time::sleep;
 use yarp_ports::remote_admin::{self, ConnectError};
-use yarp_ports::{Network, Port, PortOptions, Queue, ReconnectOptions, ReconnectingConnection};
+use yarp_ports::{
+    Network, Port, PortError, PortOptions, Queue, ReconnectOptions, ReconnectingConnection,
+};
 use yarp_wire::Bottle;
 
 use super::output_log::LogPort;
@@ -106,12 +108,25 @@ async fn keep_connected(network: &Network, reader: &Port, source: &str) {
     loop {
         if !reader.inputs().iter().any(|from| from == source) {
             match remote_admin::connect(network, source, reader.name(), None).await {
-                Err(ConnectError::NoSource { .. }) if was_connected => return,
+                Err(error) if was_connected && is_gone(&error, source) => return,
                 Ok(_) => was_connected = true,
                 Err(error) => tracing::debug!(target: "yarp.run", "{error}"),
             }
         }
         sleep(CHECK_INTERVAL).await;
+    }
+}
+
+/// Returns true if the port `source` is gone. One that was killed leaves its name.
+fn is_gone(error: &ConnectError, source: &str) -> bool {
+    match error {
+        ConnectError::NoSource { .. } => true,
+        ConnectError::Port(PortError::Connect {
+            peer,
+            source: reason,
+            ..
+        }) => peer == source && reason.kind() == ErrorKind::ConnectionRefused,
+        _ => false,
     }
 }
 
