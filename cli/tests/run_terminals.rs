@@ -413,7 +413,9 @@ fn output_waits_for_a_terminal_for_a_bounded_time() {
 #[test]
 fn output_may_end_within_a_character() {
     let (home, _name_server, window, _host) = start_network(WINDOW);
-    start(&home, "/host", "printf 'é \\303'", &[]).with(0);
+    let file = home.path().join("output");
+    std::fs::write(&file, b"\xc3\xa9 \xc3").unwrap();
+    start(&home, "/host", &format!("cat {}", file.display()), &[]).with(0);
     window.shows("é \u{fffd}");
     no_session_left(&home);
 }
