@@ -39,7 +39,7 @@ fn two_objects_change_places_and_a_third_follows_a_later_order() {
     };
     for (shape, slot, yaw) in [
         (Shape::Box { size }, 3, 0.4),
-        (glass.clone(), 4, 0.0),
+        (glass, 4, 0.0),
         (glass, 2, 0.0),
     ] {
         let [x, y] = place(slot);
