@@ -28,6 +28,9 @@ ARGUMENTS = [
     "--disable-sync",
 ]
 
+# Attempts to click an element that is replaced.
+STALE_ATTEMPTS = 5
+
 
 class Browser:
     """Chromium without a window; ends with the `with` block."""
@@ -120,7 +123,14 @@ class Browser:
 
     def click(self, selector):
         """Clicks as a person would: what is covered or out of sight cannot be clicked."""
-        self.ask("POST", f"/element/{self.find(selector)}/click", {})
+        # The page may draw its list anew between the two requests.
+        for attempts_left in reversed(range(STALE_ATTEMPTS)):
+            try:
+                self.ask("POST", f"/element/{self.find(selector)}/click", {})
+                return
+            except RuntimeError as error:
+                if "stale element reference" not in str(error) or attempts_left == 0:
+                    raise
 
     def type(self, selector, text):
         """Empties a field and types into it."""
