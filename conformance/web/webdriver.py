@@ -27,7 +27,6 @@ ARGUMENTS = [
     "--disable-component-update",
     "--disable-sync",
 ]
-
 # Attempts to click an element that is replaced.
 STALE_ATTEMPTS = 5
 
