@@ -70,7 +70,7 @@ pub struct ReorderReport {
 /// Maximum number of objects that are set aside, as a multiple of those on the table.
 const MAX_ASIDE: usize = 4;
 
-/// What reordering asks whoever commands the slots.
+/// A source of orders: the slots that objects shall stand in.
 pub trait SlotCommander {
     /// Returns the slot of each object; objects without one stay where they are unless they are in the way.
     ///
@@ -173,17 +173,22 @@ fn run<W: Workcell>(
         }
         report.left.clear();
         for next in moves {
-            if carry_out(picker, &items, &next, report)? {
-                fruitless = 0;
-                break;
+            let attempt = carry_out(picker, &items, &next, report)?;
+            match attempt {
+                Attempt::SetDown => {
+                    fruitless = 0;
+                    break;
+                }
+                Attempt::Stopped => return Ok(()),
+                Attempt::Failed | Attempt::NothingMoved => fruitless += 1,
             }
-            fruitless += 1;
             let slot = orders.get(&next.id).copied().unwrap_or(usize::MAX);
             let entry = failures.entry(next.id).or_insert((slot, 0));
             entry.1 += 1;
-        }
-        if report.stopped {
-            return Ok(());
+            if matches!(attempt, Attempt::Failed) {
+                // The next move begins with what is on the table now.
+                break;
+            }
         }
     }
 }
@@ -199,26 +204,36 @@ fn keeps_object(error: &PickError) -> bool {
     )
 }
 
-/// Carries a move out; returns whether anything may have moved.
+/// The end of a move that is no error.
+enum Attempt {
+    SetDown,
+    /// The object may be elsewhere now.
+    Failed,
+    /// Perhaps another object can go first.
+    NothingMoved,
+    Stopped,
+}
+
+/// Carries a move out.
 fn carry_out<W: Workcell>(
     picker: &mut Picker<W>,
     items: &[Item],
     next: &Move,
     report: &mut ReorderReport,
-) -> Result<bool, ReorderError> {
+) -> Result<Attempt, ReorderError> {
     let (mine, others): (Vec<Item>, Vec<Item>) =
         items.iter().cloned().partition(|item| item.id == next.id);
-    let item = &mine[0];
-    let outcome = picker.pick_and_set_down(item, &others, next.place, 0);
-    let moved = match &outcome {
-        // Nothing moved: perhaps another object can go first.
-        Err(PickError::NoGrasp { .. } | PickError::Unreachable { .. }) => false,
-        _ => {
-            report.attempts += 1;
-            report.log.push((next.id, outcome.is_ok()));
-            true
-        }
+    let outcome = picker.pick_and_set_down(&mine[0], &others, next.place, 0);
+    let attempt = match &outcome {
+        Ok(()) => Attempt::SetDown,
+        Err(PickError::NoGrasp { .. } | PickError::Unreachable { .. }) => Attempt::NothingMoved,
+        Err(PickError::Stopped { .. }) => Attempt::Stopped,
+        Err(_) => Attempt::Failed,
     };
+    if !matches!(attempt, Attempt::NothingMoved) {
+        report.attempts += 1;
+        report.log.push((next.id, outcome.is_ok()));
+    }
     match outcome {
         Ok(()) => {
             report.set_down += usize::from(!next.is_aside);
@@ -235,11 +250,10 @@ fn carry_out<W: Workcell>(
         ) if !keeps_object(&error) => {
             tracing::info!(%error, "not moved");
             report.left.push((next.id, error.to_string()));
-            return Ok(false);
         }
         Err(error) => return Err(ReorderError::Pick(error)),
     }
-    Ok(moved)
+    Ok(attempt)
 }
 
 /// An object and the place that it shall be set down at.
@@ -295,6 +309,11 @@ fn place_of(item: &Item) -> [f64; 2] {
     [place.x, place.y]
 }
 
+/// Returns the smallest distance between the middles of two objects that stand beside each other, m.
+fn room(one: &Item, other: &Item, options: &ReorderOptions) -> f64 {
+    one.shape.radius() + other.shape.radius() + options.gap
+}
+
 /// Returns the other objects that leave no room for an item at a place.
 fn in_the_way<'a>(
     item: &Item,
@@ -303,8 +322,7 @@ fn in_the_way<'a>(
     options: &ReorderOptions,
 ) -> Vec<&'a Item> {
     let near = |other: &&Item| {
-        let room = item.shape.radius() + other.shape.radius() + options.gap;
-        other.id != item.id && distance(place, place_of(other)) < room
+        other.id != item.id && distance(place, place_of(other)) < room(item, other, options)
     };
     items.iter().filter(near).collect()
 }
@@ -335,10 +353,8 @@ fn free_place(
     places.sort_by(|one, other| distance(from, *one).total_cmp(&distance(from, *other)));
     places.into_iter().find(|place| {
         let mut targets = waiting.iter().filter(|(other, _)| other.id != item.id);
-        let takes_target = targets.any(|(other, target)| {
-            let room = item.shape.radius() + other.shape.radius() + options.gap;
-            distance(*place, *target) < room
-        });
+        let takes_target =
+            targets.any(|(other, target)| distance(*place, *target) < room(item, other, options));
         !takes_target && in_the_way(item, *place, items, options).is_empty()
     })
 }
