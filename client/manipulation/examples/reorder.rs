@@ -5,11 +5,8 @@
 mod support;
 
 use support::{SimulatedCell, Truth, shared};
-use yarp_manipulation::{
-    ByClass, Item, Picker, PickerOptions, ReorderOptions, SlotCommander, SlotOrders, Stop,
-    Surroundings, reorder,
-};
-use yarp_table::{Class, Placement, Random, Scene, SimulationOptions, arm_model};
+use yarp_manipulation::{ByClass, Item, ReorderOptions, SlotCommander, SlotOrders, reorder};
+use yarp_table::{Class, Placement, Random, Scene, SimulationOptions};
 
 /// Keeps the orders for the judgement at the end.
 struct Kept(ByClass, SlotOrders);
@@ -48,13 +45,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             random: Random::for_purpose(run, 7),
             noise: 0.001,
         };
-        let mut picker = Picker::new(
-            SimulatedCell(table.clone()),
-            arm_model(),
-            Surroundings::default(),
-            PickerOptions::default(),
-            Stop::default(),
-        )?;
+        let mut picker = support::picker(SimulatedCell(table.clone()))?;
         let mut orders = Kept(ByClass::new(&task.grid), SlotOrders::new());
         let report = reorder(&mut picker, &mut detector, &mut orders, &task);
         table.borrow_mut().step(1.0);

@@ -7,8 +7,8 @@ mod support;
 use std::time::Instant;
 
 use support::{SimulatedCell, Truth, shared};
-use yarp_manipulation::{Picker, PickerOptions, Stop, Surroundings, TidyOptions, tidy};
-use yarp_table::{Class, Placement, Random, Scene, SimulationOptions, arm_model};
+use yarp_manipulation::{TidyOptions, tidy};
+use yarp_table::{Class, Placement, Random, Scene, SimulationOptions};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let words: Vec<String> = std::env::args().skip(1).collect();
@@ -41,13 +41,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             noise: 0.001,
         };
         let start = Instant::now();
-        let mut picker = Picker::new(
-            cell,
-            arm_model(),
-            Surroundings::default(),
-            PickerOptions::default(),
-            Stop::default(),
-        )?;
+        let mut picker = support::picker(cell)?;
         let report = tidy(&mut picker, &mut detector, &TidyOptions::default());
         table.borrow_mut().step(1.0);
         let table = table.borrow();

@@ -22,14 +22,7 @@ fn table(shape: Shape, x: f64, y: f64) -> (Shared, Picker<SimulatedCell>, Item) 
     let table = shared(scene, options);
     table.borrow_mut().step(0.3);
     let cell = SimulatedCell(table.clone());
-    let options = PickerOptions::default();
-    let picker = Picker::new(
-        cell,
-        arm_model(),
-        Surroundings::default(),
-        options,
-        Stop::default(),
-    );
+    let picker = support::picker(cell);
     (table, picker.expect("the simulated arm is ready"), found)
 }
 
@@ -255,14 +248,7 @@ fn an_object_that_is_lost_on_the_way_is_noticed() {
                 }
             },
         };
-        let mut picker = Picker::new(
-            cell,
-            arm_model(),
-            Surroundings::default(),
-            PickerOptions::default(),
-            Stop::default(),
-        )
-        .expect("the simulated arm is ready");
+        let mut picker = support::picker(cell).expect("the simulated arm is ready");
         let error = picker.pick_and_place(&item, &[], 0, 0).unwrap_err();
         match error {
             PickError::Lost { step: when, .. } => assert_eq!(when, step),
@@ -389,13 +375,7 @@ fn deaf<F: FnMut(&Shared) -> bool>(delay: usize, hears: F) -> DeafPicker<F> {
         delay,
         late: VecDeque::new(),
     };
-    let picker = Picker::new(
-        cell,
-        arm_model(),
-        Surroundings::default(),
-        PickerOptions::default(),
-        Stop::default(),
-    );
+    let picker = support::picker(cell);
     (table, picker.expect("the simulated arm is ready"), item)
 }
 

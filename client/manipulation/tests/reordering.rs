@@ -3,11 +3,8 @@
 mod support;
 
 use support::{SimulatedCell, Truth, shared};
-use yarp_manipulation::{
-    Item, Picker, PickerOptions, ReorderOptions, SlotCommander, SlotGrid, SlotOrders, Stop,
-    Surroundings, reorder,
-};
-use yarp_table::{Finish, Random, Scene, Shape, SimulationOptions, arm_model};
+use yarp_manipulation::{Item, ReorderOptions, SlotCommander, SlotGrid, SlotOrders, reorder};
+use yarp_table::{Finish, Random, Scene, Shape, SimulationOptions};
 
 /// Orders that are given one after another.
 struct Orders(Vec<SlotOrders>);
@@ -55,14 +52,8 @@ fn two_objects_change_places_and_a_third_follows_a_later_order() {
         random: Random::for_purpose(1, 7),
         noise: 0.001,
     };
-    let mut picker = Picker::new(
-        SimulatedCell(table.clone()),
-        arm_model(),
-        Surroundings::default(),
-        PickerOptions::default(),
-        Stop::default(),
-    )
-    .expect("the simulated arm is ready");
+    let mut picker =
+        support::picker(SimulatedCell(table.clone())).expect("the simulated arm is ready");
     let change = SlotOrders::from([(ids[0], 4), (ids[1], 3)]);
     let mut later = change.clone();
     later.insert(ids[2], 0);

@@ -1,7 +1,9 @@
 //! The start of a demo: a table and a name server in this process, or devices elsewhere, all found by their names.
 
+use std::io::{self, Write};
 use std::time::Instant;
 
+use serde_json::Value;
 use yarp_client::ports::blocking::wait;
 use yarp_client::{Hand, Network, Robot};
 use yarp_manipulation::{Detector, Picker, PickerOptions, RemoteWorkcell, Stop, Surroundings};
@@ -53,6 +55,14 @@ impl Default for TableDemoOptions {
             detector: DetectorChoice::default(),
             remote: None,
         }
+    }
+}
+
+/// Writes the result of a demo: one line of JSON, or indented lines.
+pub(super) fn write_result(result: &Value, json: bool, out: &mut dyn Write) -> io::Result<()> {
+    match json {
+        true => writeln!(out, "{result}"),
+        false => writeln!(out, "{result:#}"),
     }
 }
 

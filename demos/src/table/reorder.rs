@@ -7,7 +7,7 @@ use yarp_client::Network;
 use yarp_manipulation::{ReorderOptions, ReorderReport, SlotGrid, SlotOrders, Stop, reorder};
 use yarp_table::{Class, Placement};
 
-use super::demo_session::{TableEnd, connect, with_table};
+use super::demo_session::{TableEnd, connect, with_table, write_result};
 use super::slot_orders::PortOrders;
 use super::{TableDemoError, TableDemoOptions};
 use crate::DemoError;
@@ -67,11 +67,7 @@ pub fn run(
         "error": report.error.as_ref().map(ToString::to_string),
         "passed": passed,
     });
-    let text = match json {
-        true => result.to_string(),
-        false => format!("{result:#}"),
-    };
-    writeln!(out, "{text}")?;
+    write_result(&result, json, out)?;
     Ok(passed)
 }
 

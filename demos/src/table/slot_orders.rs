@@ -15,7 +15,7 @@ const HELP: &str = "list: [is] (ID LABEL SLOT X Y) ... with SLOT -1 outside of a
 /// Orders that come over a port, and those by class where none came.
 pub(super) struct PortOrders {
     shared: Arc<Shared>,
-    /// What applies to objects that nobody commanded anything for.
+    /// Orders for objects that nobody commanded anything for, until they are applied.
     otherwise: Option<ByClass>,
     waits: bool,
     stop: Stop,
@@ -156,8 +156,7 @@ impl SlotCommander for PortOrders {
         }
         let present = |id: &u32| items.iter().any(|item| item.id == *id);
         state.seen.retain(|id, _| present(id));
-        if let Some(otherwise) = self.otherwise.take() {
-            let mut otherwise = otherwise;
+        if let Some(mut otherwise) = self.otherwise.take() {
             for (id, slot) in otherwise.orders(items) {
                 let is_free = !state.orders.values().any(|taken| *taken == slot);
                 if is_free && !state.orders.contains_key(&id) {

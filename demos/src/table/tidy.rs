@@ -9,7 +9,7 @@ use yarp_table::{Class, Placement, Scene};
 
 pub use yarp_manipulation::Stop;
 
-use super::demo_session::{connect, with_table};
+use super::demo_session::{connect, with_table, write_result};
 use super::{RemoteTruth, TableDemoError, TableDemoOptions};
 use crate::DemoError;
 
@@ -59,11 +59,7 @@ pub fn run(
         "error": report.error.as_ref().map(ToString::to_string),
         "passed": passed,
     });
-    let text = match json {
-        true => result.to_string(),
-        false => format!("{result:#}"),
-    };
-    writeln!(out, "{text}")?;
+    write_result(&result, json, out)?;
     Ok(passed)
 }
 

@@ -43,10 +43,7 @@ impl SharedReply {
     /// guard.
     pub fn encode(object: &dyn WireObject, form: Form, guard: impl Send + 'static) -> Self {
         let mut bytes = BytesMut::new();
-        match form {
-            Form::Binary(wire_version) => object.write_binary(&mut bytes, wire_version),
-            Form::Text => object.write_text(&mut bytes),
-        }
+        write_form(object, form, &mut bytes);
         Self::new(bytes, Content::Object(form), guard)
     }
 
@@ -70,11 +67,14 @@ impl SharedReply {
             return;
         };
         let object = Payload::new(self.bytes.clone(), own).to_bottle();
-        let object = object.unwrap_or_default();
-        match form {
-            Form::Binary(wire_version) => object.write_binary(out, wire_version),
-            Form::Text => object.write_text(out),
-        }
+        write_form(&object.unwrap_or_default(), form, out);
+    }
+}
+
+fn write_form(object: &dyn WireObject, form: Form, out: &mut BytesMut) {
+    match form {
+        Form::Binary(wire_version) => object.write_binary(out, wire_version),
+        Form::Text => object.write_text(out),
     }
 }
 
@@ -109,10 +109,7 @@ mod tests {
 
     fn written(object: &dyn WireObject, form: Form) -> BytesMut {
         let mut out = BytesMut::new();
-        match form {
-            Form::Binary(wire_version) => object.write_binary(&mut out, wire_version),
-            Form::Text => object.write_text(&mut out),
-        }
+        write_form(object, form, &mut out);
         out
     }
 

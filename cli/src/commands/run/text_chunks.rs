@@ -131,7 +131,7 @@ mod tests {
         assert_eq!(text("17"), "17\n");
     }
 
-    /// As stock's.
+    /// Stock splits lines at the same length.
     #[test]
     fn a_line_has_2047_bytes() {
         assert_eq!(MAX_LINE, 2047);

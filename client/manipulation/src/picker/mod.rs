@@ -18,7 +18,7 @@ use yarp_devices::kinematics::Joints;
 use yarp_devices::wam::WamModel;
 use yarp_planning::PlanError;
 
-use self::plan::PickPlan;
+use self::plan::{Line, PickPlan};
 use crate::filling::Filling;
 use crate::grasp::{Grasp, GraspOptions};
 use crate::item::Item;
@@ -370,9 +370,7 @@ impl<W: Workcell> Picker<W> {
         self.settle(Step::Transport)?;
         self.check_held(item, &plan.grasp, Step::Transport)?;
         self.carry(&set_down.line.down.slowed(LOADED), Step::Release)?;
-        self.settle(Step::Release)?;
-        self.let_go(&plan.grasp, Step::Release)?;
-        self.follow(&set_down.line.up, Step::Release)
+        self.leave(&plan.grasp, &set_down.line)
     }
 
     /// Lets the arm hold where it is after an error that leaves it on its way; the first error is the one to report.
@@ -391,9 +389,14 @@ impl<W: Workcell> Picker<W> {
     /// Sets an object that was picked down where it was.
     fn put_back(&mut self, plan: &PickPlan) -> Result<(), PickError> {
         self.follow(&plan.line.down, Step::Release)?;
+        self.leave(&plan.grasp, &plan.line)
+    }
+
+    /// Leaves an object at the lower end of a line.
+    fn leave(&mut self, grasp: &Grasp, line: &Line) -> Result<(), PickError> {
         self.settle(Step::Release)?;
-        self.let_go(&plan.grasp, Step::Release)?;
-        self.follow(&plan.line.up, Step::Release)
+        self.let_go(grasp, Step::Release)?;
+        self.follow(&line.up, Step::Release)
     }
 
     /// Grasps an object and lifts it.

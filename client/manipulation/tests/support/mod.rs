@@ -9,8 +9,11 @@ use std::time::Duration;
 use nalgebra::Point3;
 use yarp_devices::kinematics::Joints;
 use yarp_devices::{Axes, DeviceError, Mode};
-use yarp_manipulation::{Class, DetectError, Detector, Item, ItemShape, Workcell, WorkcellError};
-use yarp_table::{DepthNoise, Other, Random, Renderer, Scene, Shape, TableSimulation};
+use yarp_manipulation::{
+    Class, DetectError, Detector, Item, ItemShape, PickError, Picker, PickerOptions, Stop,
+    Surroundings, Workcell, WorkcellError,
+};
+use yarp_table::{DepthNoise, Other, Random, Renderer, Scene, Shape, TableSimulation, arm_model};
 
 /// The table, and what happened on it.
 pub struct Table {
@@ -61,6 +64,17 @@ pub fn shared(scene: Scene, options: yarp_table::SimulationOptions) -> Shared {
 
 /// Arm and hand of the table.
 pub struct SimulatedCell(pub Shared);
+
+/// Returns a picker with the options of the demos.
+pub fn picker<W: Workcell>(cell: W) -> Result<Picker<W>, PickError> {
+    Picker::new(
+        cell,
+        arm_model(),
+        Surroundings::default(),
+        PickerOptions::default(),
+        Stop::default(),
+    )
+}
 
 fn failed(action: &'static str) -> impl FnOnce(DeviceError) -> WorkcellError {
     move |source| WorkcellError {

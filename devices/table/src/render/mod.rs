@@ -3,7 +3,7 @@
 //! | file | what it is about |
 //! | --- | --- |
 //! | `scene_geometry` | from a scene to solids |
-//! | `primitive` | where a ray meets a solid |
+//! | `primitive`, `hit` | where a ray meets a solid |
 //! | `material` | what a surface looks like there |
 //! | `light` | lamps and shadows |
 //! | `cast` | a ray through each pixel, more where a face ends |
