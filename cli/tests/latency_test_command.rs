@@ -81,6 +81,18 @@ fn invalid_requests_do_not_stop_the_server() {
 }
 
 #[test]
+fn replies_without_the_time_are_not_counted() {
+    let home = Home::new();
+    let _name_server = home.serve();
+    let mut server = home.start("rpcserver /latencyTest/server").see("Waiting");
+    server.type_text(&"7\n".repeat(4));
+    let line = "latency-test --client --nframes 2 --payload_size 3 --details";
+    let ended = home.run(line).with(255);
+    assert!(ended.says("Frame 1 is not counted"), "{ended:?}");
+    assert!(ended.says("No frame was measured"), "{ended:?}");
+}
+
+#[test]
 fn contradicting_arguments_are_refused() {
     let home = Home::new();
     let check = |line: &str, expected: &str| {

@@ -55,6 +55,9 @@ REPORTS = re.compile(r"\[INFO\] \|yarp\.os\.impl\.PortCore")
 # Seconds that any single step may take.
 PATIENCE = 40
 
+# How often a latency test is started again because stock's server missed a frame.
+LATENCY_ATTEMPTS = 6
+
 # The last line of a terminal, which no command prints.
 END_OF_OUTPUT = "--- the command has ended ---"
 
@@ -751,9 +754,28 @@ def _(world, sending, counting):
 
 @scenario("latency-test", roles=2)
 def _(world, serving, measuring):
-    server = world.start(serving, "latency-test --server --details", "I am the server")
+    # Stock's server reads an empty first frame in about 1 of 20 tests, with stock's client, too (which then waits for ever).
+    for _ in range(LATENCY_ATTEMPTS):
+        server = world.start(serving, "latency-test --server --details", "I am the server")
+        try:
+            results = latency_results(world, server, measuring)
+        except Failure:
+            if not missed_a_frame(serving, server):
+                raise
+        else:
+            if not missed_a_frame(serving, server):
+                return results
+        world.sweep()
+    raise Failure(f"stock's server read an empty frame in each of {LATENCY_ATTEMPTS} attempts")
+
+
+def missed_a_frame(serving, server):
+    return serving == "stock" and 'Received: ""' in server.out
+
+
+def latency_results(world, server, measuring):
+    """Measures over every kind of connection."""
     results = []
-    sizes = ["100", "10"]
     for index, way in enumerate(["--payload_size 100", "--payload_size 10 --details", "--payload_size 10 --no-reply",
                                  "--customtest (10)", "--payload_size 10 --protocol udp", "--payload_size 10 --protocol nothing"]):
         if "nothing" not in way:
@@ -762,7 +784,7 @@ def _(world, serving, measuring):
         # How a connection of datagrams ends has no fixed order.
         lines = [re.sub(r"\d[\d.e+-]*(?= ms|\[ms\])", "T", line) for line in lines if not REPORTS.match(line)]
         results.append((code, lines))
-    for size in sizes:
+    for size in ["100", "10"]:
         with open(os.path.join(world.directory, f"log_{size}.txt")) as file:
             results.append((0, [str(len(line.split())) for line in file]))
     # The end of datagrams may get lost.
@@ -770,16 +792,7 @@ def _(world, serving, measuring):
     said = [line for line in server.out if not REPORTS.match(line) and "latencyTest/server active" not in line]
     # Numbers that are measured, and how far it was with the next test.
     said = [re.sub(r"\d+\.\d+(e-\d+)?|(?<= )\d+e-\d+", "T", line) for line in said[:said.index("Test 3 complete") + 1]]
-    return results + [(0, with_first_envelope(said) if serving == "stock" else said)]
-
-
-def with_first_envelope(said):
-    """Adds the envelope of a first message where stock's server missed it, which it does in 1 of 14 runs, with stock's client, too."""
-    missed = [index for index, line in enumerate(said) if line == 'Received: ""']
-    for index in missed:
-        said[index] = 'Received: "0 T"'
-        said[index + 1] = re.sub(r'^Replying: "(?=p)', 'Replying: "0 T ', said[index + 1])
-    return said
+    return results + [(0, said)]
 
 
 def asked(world, tool, *words):

@@ -75,6 +75,10 @@ pub(super) async fn measure(
         };
         port.close().await;
         match done? {
+            Some(Ok(measured)) if measured.is_empty() => {
+                complain(out, "No frame was measured.")?;
+                code = EXIT_FAILED;
+            }
             Some(Ok(measured)) => print_results(&measured, *size, options, out)?,
             Some(Err(failed)) => code = failed,
             None => return Ok(ExitCode::FAILURE),
@@ -184,8 +188,16 @@ async fn exchange(
             Ok(reply) => reply,
             Err(error) => return Ok(Err(error)),
         };
-        let number_at = |index| reply.get(index).and_then(Value::as_f64).unwrap_or(0.0);
-        let (sent, copy) = (number_at(1), number_at(3));
+        let Some(sent) = reply.get(1).and_then(Value::as_f64) else {
+            complain(
+                out,
+                &format!(
+                    "Frame {number} is not counted: the reply of {SERVER} does not hold the time that was sent; run the test again"
+                ),
+            )?;
+            continue;
+        };
+        let copy = reply.get(3).and_then(Value::as_f64).unwrap_or(0.0);
         measured.push(Frame {
             latency: (now - sent - copy) * 1000.0,
             copy,
