@@ -9,6 +9,7 @@ use std::net::TcpStream;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::time::{Duration, Instant};
 
 use common::{Ended, Home, Running};
 use yarp_testing::until;
@@ -22,6 +23,15 @@ while [ "$1" != -e ]; do shift; done
 shift
 echo $$ > pid
 exec "$@" <> keyboard > screen 2>&1
+"#;
+
+/// Stands for a terminal that connects itself `LATE` seconds after its ports are there.
+const LATE_WINDOW: &str = r#"cd "$(dirname "$0")"
+while [ $# -gt 1 ]; do shift; done
+YARP read "$1/stdio:i" > screen &
+sleep LATE
+YARP connect "$1/stdout" "$1/stdio:i"
+wait
 "#;
 
 /// A script `xterm` in a folder of its own.
@@ -176,6 +186,43 @@ fn a_terminal_shows_output_and_passes_input() {
         assert_eq!(window.file("screen"), "name? hello my self\nno line é\n");
         ask(&home, &["--isrunning", "t"]).with(2);
     }
+}
+
+/// A terminal that connects itself late loses neither output nor the reason why a command does not start.
+#[test]
+fn output_waits_for_a_late_terminal() {
+    // Longer than the rest of the output of a command may take.
+    let script = LATE_WINDOW.replace("LATE", "3").replace("YARP", YARP);
+    let (home, _name_server, window, _host) = start_network(&script);
+    start(&home, "/host", "echo early", &[]).with(0);
+    window.shows("early");
+    no_session_left(&home);
+    let script = LATE_WINDOW.replace("LATE", "1").replace("YARP", YARP);
+    write_script(&window.0.join("xterm"), &script);
+    let words = ["--as", "t", "--stdio", "/host", "--cmd", "/no/such/program"];
+    ask(&home, &words).with(2);
+    window.shows("Can't execute command because No such file or directory");
+    no_session_left(&home);
+}
+
+/// The rest of the output has its time from the end of the command on.
+#[test]
+fn the_output_of_a_command_that_ends_late_is_shown() {
+    let (home, _name_server, window, _host) = start_network(WINDOW);
+    // The first line is shown at once, not when the time for a terminal is over.
+    let shell =
+        "(sleep 5; echo late) & echo begin; read a; echo got $a; wait; read a; exec seq 20000";
+    start(&home, "/host", shell, &[]).with(0);
+    let started = Instant::now();
+    window.shows("begin\n");
+    window.type_text("x\n");
+    window.shows("late\n");
+    assert_eq!(window.file("screen"), "begin\ngot x\nlate\n");
+    // After the time that output waits for a terminal.
+    std::thread::sleep(Duration::from_secs(11).saturating_sub(started.elapsed()));
+    window.type_text("x\n");
+    window.shows("\n20000\n");
+    no_session_left(&home);
 }
 
 /// The terminal connects itself later than the command prints.
@@ -488,10 +535,13 @@ fn a_stopped_terminal_does_not_keep_the_session() {
 #[test]
 fn a_child_that_keeps_the_output_does_not_keep_the_session() {
     let (home, _name_server, window, _host) = start_network(WINDOW);
-    start(&home, "/host", "sleep 1000 & echo parent", &[]).with(0);
+    // What it prints later is lost, as the terminal ends with the command.
+    let shell = "(sleep 1; echo late; exec sleep 1000) & echo parent";
+    start(&home, "/host", shell, &[]).with(0);
     window.shows("parent\n");
     gone(window.process());
     no_session_left(&home);
+    assert_eq!(window.file("screen"), "parent\n");
 }
 
 /// Input that a command does not read any more once ended the session.
@@ -609,10 +659,20 @@ fn a_terminal_connects_itself_with_the_ports_of_another_server() {
     assert!(logger.sees("\"two words\\n\""), "{:?}", logger.printed());
     terminal.type_text("second\n");
     assert!(input.sees("\"second\\n\""));
+    // Several intervals of checks: what is connected is not connected anew.
+    std::thread::sleep(Duration::from_secs(1));
+    output.type_text("\"no end\"\n");
+    assert!(terminal.sees("no end"));
     // The command ends.
-    output.finish().with(0);
+    let ended = output.finish().with(0);
+    let connections = ended
+        .err
+        .iter()
+        .filter(|line| line.contains("Sending output from /s/stdout"));
+    assert_eq!(connections.count(), 1, "{ended:?}");
     let ended = terminal.finish().with(0);
     assert!(ended.says("two words"));
+    assert!(logger.sees("\"no end\""), "{:?}", logger.printed());
     let names = home.names();
     assert!(
         !names

@@ -43,7 +43,6 @@ pub(super) async fn run(session: &str, options: &Options, out: &mut dyn Write) -
     // A server takes this port for the sign that the terminal works.
     let Some(reader) = network_access::open(&network, &format!("{session}/stdio:i"), queue).await?
     else {
-        writer.close().await;
         return Ok(ExitCode::from(EXIT_FAILED));
     };
     let link = writer.connect_persistent(

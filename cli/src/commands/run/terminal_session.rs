@@ -55,18 +55,13 @@ impl TerminalSession {
                 Answer::Nothing
             }))
         });
-        match open(network, &format!("{id}/stdin"), options).await {
-            Ok(input) => Ok(Self {
-                id,
-                output,
-                input,
-                typed,
-            }),
-            Err(reason) => {
-                output.port.close().await;
-                Err(reason)
-            }
-        }
+        let input = open(network, &format!("{id}/stdin"), options).await?;
+        Ok(Self {
+            id,
+            output,
+            input,
+            typed,
+        })
     }
 
     /// Returns the prefix of the ports, which stands for the session in requests.
@@ -124,8 +119,6 @@ impl TerminalSession {
 
     /// Closes the ports.
     pub(super) async fn close(self) {
-        // Writers that wait for the command are answered.
-        drop(self.typed);
         tokio::join!(self.output.port.close(), self.input.close());
     }
 }

@@ -89,7 +89,7 @@ impl TerminalRequest {
     /// Errors, in words: names that are no names of ports. Arguments of a program are made of them.
     pub(super) fn of(request: &Bottle) -> Result<Self, String> {
         let text = |name| request.find(name).map(Value::to_plain_string);
-        let port = |name: &str| match name.starts_with('/') && name.parse::<PortName>().is_ok() {
+        let port = |name: &str| match name.parse::<PortName>().is_ok() {
             true => Ok(name.to_owned()),
             false => Err(format!("\"{name}\" is no name of a port")),
         };

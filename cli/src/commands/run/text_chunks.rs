@@ -43,8 +43,7 @@ impl TextDecoder {
 fn begun_at_end(bytes: &[u8]) -> usize {
     let is_begun = |length: &usize| {
         let end = &bytes[bytes.len() - length..];
-        std::str::from_utf8(end)
-            .is_err_and(|error| error.valid_up_to() == 0 && error.error_len().is_none())
+        std::str::from_utf8(end).is_err_and(|error| error.error_len().is_none())
     };
     let longest = bytes.len().min(MAX_CHARACTER - 1);
     (1..=longest).find(is_begun).unwrap_or(0)
