@@ -5,6 +5,7 @@ mod support;
 use support::{Stage, TIMEOUT};
 use yarp_hosting::robot::RunningRobot;
 use yarp_ports::{Port, PortOptions};
+use yarp_wire::name_service::RegisterRequest;
 use yarp_wire::{Bottle, Value};
 
 const PORT: &str = "/yarpRobotInterface/devices/rpc";
@@ -108,6 +109,26 @@ fn a_robot_tells_of_its_devices_by_itself() {
     );
     stage.end(other);
     assert!(is_there(&stage, PORT));
+    end(&stage, robot);
+}
+
+/// Programs no longer found the parts of a robot that was killed and started again.
+#[test]
+fn a_killed_robot_leaves_its_place_to_another() {
+    let stage = Stage::new();
+    // Nobody listens there any more.
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let left = RegisterRequest {
+        host: Some("127.0.0.1".to_owned()),
+        number: Some(listener.local_addr().unwrap().port().into()),
+        ..RegisterRequest::named(PORT)
+    };
+    drop(listener);
+    let registered = stage.runtime.block_on(stage.network.register(left));
+    registered.unwrap();
+    let robot = stage.run("bot.xml", ROBOT);
+    let replies = ask(&stage, PORT, &["getAllDevicesRPC"]);
+    assert_eq!(parts(&replies[0]).len(), 2);
     end(&stage, robot);
 }
 

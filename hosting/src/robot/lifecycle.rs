@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use tokio::task::JoinSet;
 use yarp_devices::{Device, DeviceError};
-use yarp_ports::{Network, Port, error_chain};
+use yarp_ports::{Network, Port, error_chain, remote_admin};
 
 use super::action_targets::{AttachTargets, STORAGE, need};
 use super::{
@@ -173,7 +173,11 @@ impl RunningRobot {
         if entries.any(|(entry, _)| entry.kind == device_types::ROBOT_DESCRIPTION) {
             return;
         }
-        if network.query(DESCRIPTION_PORT).await.is_ok() {
+        // A robot that was killed leaves the name behind.
+        if remote_admin::exists(network, DESCRIPTION_PORT)
+            .await
+            .unwrap_or_default()
+        {
             tracing::info!(
                 "there is a port {DESCRIPTION_PORT} already: this robot does not open one"
             );

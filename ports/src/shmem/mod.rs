@@ -72,6 +72,8 @@ enum Layout {
         reader: Mutex<stock_ring::Reader>,
         writer: Mutex<stock_ring::Writer>,
         sleeper: LockWaiter,
+        /// True once the other end has written: by then it has opened everything.
+        has_read: AtomicBool,
     },
 }
 
@@ -108,7 +110,19 @@ impl ShmemStream {
         let ended = self.ended.load(Relaxed);
         let read = match &self.layout {
             Layout::Ours { reader, .. } => held(reader).read(out, most, || self.wake()),
-            Layout::Stock { reader, .. } => self.check_lock_timeout(held(reader).read(out, most)),
+            Layout::Stock {
+                reader,
+                writer,
+                has_read,
+                ..
+            } => {
+                let read = held(reader).read(out, most);
+                if read.is_ok() && !has_read.load(Relaxed) {
+                    has_read.store(true, Relaxed);
+                    held(writer).reader_has_opened();
+                }
+                self.check_lock_timeout(read)
+            }
         };
         match read {
             Err(error) if ended && error.kind() == io::ErrorKind::WouldBlock => Ok(0),

@@ -4,6 +4,7 @@ use std::hash::{BuildHasher, RandomState};
 use std::io;
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Mutex;
+use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
@@ -83,7 +84,11 @@ impl Offer {
         }
         let answer = accept_packet(ours.then_some(mark));
         in_time(tcp.write_all(&answer)).await?;
-        self.output.segment.unname_if_shared();
+        // Stock attaches itself to a segment before it opens the locks, and makes those that are missing: their names stay
+        // until it has written something.
+        if ours {
+            self.output.segment.unname_if_shared();
+        }
         stream(tcp, ours, input, self.output)
     }
 }
@@ -145,6 +150,7 @@ pub(super) fn stream(
             sleeper: LockWaiter::new(reader.sleep())?,
             reader: Mutex::new(reader),
             writer: Mutex::new(stock_ring::Writer::new(output)),
+            has_read: AtomicBool::new(false),
         }
     };
     let layout_is = if ours { "ours" } else { "stock's" };

@@ -78,6 +78,11 @@ impl Channel {
 }
 
 impl Segment {
+    /// Returns whether the names have not been removed yet.
+    pub(super) fn is_named(&self) -> bool {
+        self.named
+    }
+
     /// Removes the names, once both ends have opened the objects.
     pub(super) fn unname(&mut self) {
         if std::mem::take(&mut self.named) {

@@ -14,6 +14,7 @@ use yarp_wire::message::Command;
 use yarp_wire::shmem::{HEAD, PACKET, STOCK_SIZE, at, key, lock_names};
 use yarp_wire::{Bottle, WireVersion};
 
+use super::shared_memory::Memory;
 use super::shmem_segment::{Channel, create_segment};
 use super::*;
 use crate::{PortOptions, Queue};
@@ -101,6 +102,7 @@ impl Stock {
             sleeper: LockWaiter::new(self.reader.sleep()).unwrap(),
             reader: Mutex::new(self.reader),
             writer: Mutex::new(self.writer),
+            has_read: AtomicBool::new(false),
         };
         ShmemStream::new(self.tcp, layout)
     }
@@ -571,6 +573,31 @@ fn an_attached_process_has_opened_all_objects() {
         let opened = opening.join().unwrap();
         assert!(opened.is_ok(), "round {round}: {opened:?}");
     }
+}
+
+/// Stock attaches itself to the segment first. It made locks of its own where the names of ours were gone by then: nothing
+/// excluded the two ends from each other, and the files stayed.
+#[tokio::test]
+async fn locks_keep_their_names_until_stock_has_written() {
+    let (_initiator, acceptor) = header().await;
+    let offer = Offer::new(&acceptor).await.unwrap();
+    let number = offer.number();
+    let connecting = async {
+        let mut tcp = TcpStream::connect(("127.0.0.1", number)).await.unwrap();
+        let output = Channel::create(tcp.local_addr().unwrap().port(), HEAD + STOCK_SIZE).unwrap();
+        stock_ring::prepare(&output);
+        let attached = Memory::open_segment(key(number, 0), HEAD + STOCK_SIZE).unwrap();
+        tcp.write_all(&[0, 0, 0, 0, 0, 16, 0, 0]).await.unwrap();
+        tcp.read_exact(&mut [0; PACKET]).await.unwrap();
+        (tcp, attached, stock_ring::Writer::new(output))
+    };
+    let (stock, ours) = within(async { tokio::join!(connecting, offer.accept()) }).await;
+    let (ours, (_tcp, _attached, mut writer)) = (ours.unwrap(), stock);
+    write_all(&ours, b"reply").await.unwrap();
+    assert!(is_named(number));
+    writer.write(&[IoSlice::new(b"x")]).unwrap();
+    within(read(&ours, 1)).await.unwrap();
+    assert!(!is_named(number));
 }
 
 /// A connection at rest held a page for each of four locks that only stock's ring uses.

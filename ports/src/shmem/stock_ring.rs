@@ -169,14 +169,31 @@ pub(super) struct Writer {
     resizes: u16,
     /// Segments that the reader may not have reached yet: it finds each by its key.
     passed: Vec<Memory>,
+    /// True once the reader has opened segment and locks. That it is attached to the segment says nothing of the locks.
+    has_reader: bool,
 }
 
 impl Writer {
     pub(super) fn new(channel: Channel) -> Self {
         Self {
+            // An initiator's names are gone by now.
+            has_reader: !channel.segment.is_named(),
             channel,
             resizes: 0,
             passed: Vec::new(),
+        }
+    }
+
+    /// Removes the names, which the reader does not need any more.
+    pub(super) fn reader_has_opened(&mut self) {
+        self.has_reader = true;
+        self.unname_if_read();
+    }
+
+    fn unname_if_read(&mut self) {
+        if self.has_reader && self.channel.segment.unname_if_shared() {
+            self.passed.iter().for_each(Memory::remove);
+            self.passed.clear();
         }
     }
 
@@ -192,10 +209,7 @@ impl Writer {
     /// Writes chunks, each as a whole: a stock reader waits for a whole block, so a ring that is
     /// too small for one is replaced by a larger one. `WouldBlock` while much is unread.
     pub(super) fn write(&mut self, chunks: &[IoSlice<'_>]) -> io::Result<usize> {
-        if self.channel.segment.unname_if_shared() {
-            self.passed.iter().for_each(Memory::remove);
-            self.passed.clear();
-        }
+        self.unname_if_read();
         let guard = self.channel.guard.clone();
         let held = Held::take(&guard)?;
         let memory = &self.channel.segment.memory;
