@@ -72,9 +72,20 @@ enum Layout {
         reader: Mutex<stock_ring::Reader>,
         writer: Mutex<stock_ring::Writer>,
         sleeper: LockWaiter,
-        /// True once the other end has written: by then it has opened everything.
-        has_read: AtomicBool,
+        /// What the writer knows of its reader, without its lock: the other end has written, and so has opened everything.
+        has_reader: AtomicBool,
     },
+}
+
+impl Layout {
+    fn stock(reader: stock_ring::Reader, writer: stock_ring::Writer) -> io::Result<Self> {
+        Ok(Self::Stock {
+            sleeper: LockWaiter::new(reader.sleep())?,
+            has_reader: AtomicBool::new(writer.has_reader()),
+            reader: Mutex::new(reader),
+            writer: Mutex::new(writer),
+        })
+    }
 }
 
 fn held<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
@@ -113,12 +124,12 @@ impl ShmemStream {
             Layout::Stock {
                 reader,
                 writer,
-                has_read,
+                has_reader,
                 ..
             } => {
                 let read = held(reader).read(out, most);
-                if read.is_ok() && !has_read.load(Relaxed) {
-                    has_read.store(true, Relaxed);
+                if read.is_ok() && !has_reader.load(Relaxed) {
+                    has_reader.store(true, Relaxed);
                     held(writer).reader_has_opened();
                 }
                 self.check_lock_timeout(read)

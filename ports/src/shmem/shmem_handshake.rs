@@ -4,14 +4,12 @@ use std::hash::{BuildHasher, RandomState};
 use std::io;
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Mutex;
-use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpSocket, TcpStream};
 use yarp_wire::shmem::{PACKET, accept_packet, answers_mark, connect_packet, initiator_mark};
 
-use super::lock_waiter::LockWaiter;
 use super::shmem_segment::Channel;
 use super::{Layout, ShmemStream, lock_free_ring, stock_ring};
 
@@ -145,13 +143,10 @@ pub(super) fn stream(
             writer: Mutex::new(lock_free_ring::Writer::new(output.segment)),
         }
     } else {
-        let reader = stock_ring::Reader::new(input);
-        Layout::Stock {
-            sleeper: LockWaiter::new(reader.sleep())?,
-            reader: Mutex::new(reader),
-            writer: Mutex::new(stock_ring::Writer::new(output)),
-            has_read: AtomicBool::new(false),
-        }
+        Layout::stock(
+            stock_ring::Reader::new(input),
+            stock_ring::Writer::new(output),
+        )?
     };
     let layout_is = if ours { "ours" } else { "stock's" };
     let peer = tcp.peer_addr().ok().map(tracing::field::display);

@@ -98,13 +98,8 @@ impl Stock {
     }
 
     fn into_stream(self) -> ShmemStream {
-        let layout = Layout::Stock {
-            sleeper: LockWaiter::new(self.reader.sleep()).unwrap(),
-            reader: Mutex::new(self.reader),
-            writer: Mutex::new(self.writer),
-            has_read: AtomicBool::new(false),
-        };
-        ShmemStream::new(self.tcp, layout)
+        let layout = Layout::stock(self.reader, self.writer);
+        ShmemStream::new(self.tcp, layout.unwrap())
     }
 }
 

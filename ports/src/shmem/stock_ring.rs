@@ -184,6 +184,11 @@ impl Writer {
         }
     }
 
+    /// Returns whether the reader is known to have opened segment and locks.
+    pub(super) fn has_reader(&self) -> bool {
+        self.has_reader
+    }
+
     /// Removes the names, which the reader does not need any more.
     pub(super) fn reader_has_opened(&mut self) {
         self.has_reader = true;
