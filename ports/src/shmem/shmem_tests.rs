@@ -595,6 +595,22 @@ async fn locks_keep_their_names_until_stock_has_written() {
     assert!(!is_named(number));
 }
 
+/// Stock has opened everything before it answers an initiator, which need not read to know that.
+#[tokio::test]
+async fn an_initiator_that_only_writes_leaves_no_names() {
+    let (ours, _stock) = Stock::accept().await;
+    let number = ours.tcp().local_addr().unwrap().port();
+    // Larger than the ring: the writer goes on to another segment.
+    let bytes = pattern(1_000_000);
+    let written = ours.try_write_vectored(&[IoSlice::new(&bytes)]);
+    assert_eq!(written.unwrap(), bytes.len());
+    assert!(is_named(number));
+    // As stock follows: it removes no name.
+    let _followed = Memory::open_segment(key(number, 1), HEAD + 1).unwrap();
+    let _ = ours.try_write_vectored(&[IoSlice::new(b"x")]);
+    assert!(!is_named(number));
+}
+
 /// A connection at rest held a page for each of four locks that only stock's ring uses.
 #[tokio::test]
 async fn a_lock_free_ring_has_no_locks() {
