@@ -5,6 +5,7 @@
 //! | `mod` | [`Physics`]: the world and one step of it |
 //! | `bodies` | shapes, masses and friction |
 //! | `contact_forces` | forces between robot and world, joint torques and finger loads |
+//! | `rolling_resistance` | what stops a glass that rolls on its rim |
 //! | `path_check` | [`PathCheck`]: collisions of an arm along a path, for judging planners |
 //!
 //! The robot's parts move as their devices tell (kinematic bodies), so objects feel them as they are; what objects, table
@@ -13,6 +14,7 @@
 mod bodies;
 mod contact_forces;
 mod path_check;
+mod rolling_resistance;
 
 use std::time::Duration;
 
@@ -153,6 +155,7 @@ impl Physics {
             }
         }
         self.world.step();
+        rolling_resistance::resist(&mut self.world);
         self.contacts.clear();
         let sharp = contact_forces::reaction(&self.world, &frames, &mut self.contacts);
         self.blend(&sharp);
@@ -233,5 +236,85 @@ impl Physics {
                 *given = (*given - GIVES).max(0.0);
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Rotation3, Vector3};
+
+    use super::*;
+    use crate::{Finish, Shape};
+
+    /// Returns the bodies of a glass at this height above the table, turned about x, with this angular velocity, rad/s.
+    fn glass(
+        [radius, height]: [f64; 2],
+        above: f64,
+        tilt: f64,
+        turning: [f32; 3],
+    ) -> (Physics, Scene) {
+        let mut scene = Scene::empty();
+        let wall = 0.003;
+        let shape = Shape::Glass {
+            radius,
+            height,
+            wall,
+        };
+        scene.put(shape, 0.5, 0.0, 0.0, Finish::default());
+        let pose = &mut scene.objects[0].pose;
+        pose.translation.z = scene.table.surface + above;
+        pose.rotation = Rotation3::from_euler_angles(tilt, 0.0, 0.0);
+        let mut physics = Physics::new(&scene);
+        let body = physics.objects[0];
+        physics.world.bodies[body].set_angvel(turning.into(), true);
+        (physics, scene)
+    }
+
+    /// Lets time pass and returns the largest tilt of the glass in it, rad.
+    fn largest_tilt(physics: &mut Physics, scene: &mut Scene, seconds: f64) -> f64 {
+        let state = RobotState {
+            joints: Joints::<7>::zeros(),
+            hand: None,
+        };
+        let steps = (seconds / STEP.as_secs_f64()) as usize;
+        let mut largest = 0.0_f64;
+        for _ in 0..steps {
+            physics.step(scene, &state);
+            let up = scene.objects[0].pose.rotation * Vector3::z();
+            largest = largest.max(up.z.clamp(-1.0, 1.0).acos());
+        }
+        largest
+    }
+
+    /// The engine gave it energy until it fell over.
+    #[test]
+    fn a_glass_that_rolls_on_its_rim_comes_to_rest() {
+        for size @ [radius, height] in [[0.030, 0.150], [0.034, 0.11], [0.042, 0.08]] {
+            for tilt in [0.03, 0.06, 0.12] {
+                for turn in [0.0, 0.5, 2.0] {
+                    let above = height / 2.0 + radius * tilt + 0.002;
+                    let (mut physics, mut scene) =
+                        glass(size, above, tilt, [0.0, turn / 2.0, turn]);
+                    let what = format!("{size:?}, tilt {tilt}, turn {turn}");
+                    let most = largest_tilt(&mut physics, &mut scene, 4.0);
+                    assert!(most < tilt + 0.03, "{what}: {most}");
+                    let end = largest_tilt(&mut physics, &mut scene, 0.2);
+                    assert!(end < 0.003, "{what}: {end}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_glass_on_its_side_rolls_on() {
+        let radius = 0.034;
+        let side = std::f64::consts::FRAC_PI_2;
+        let (mut physics, mut scene) = glass([radius, 0.11], radius + 1e-4, side, [0.0, 5.0, 0.0]);
+        let body = physics.objects[0];
+        physics.world.bodies[body].set_linvel([5.0 * radius as f32, 0.0, 0.0].into(), true);
+        largest_tilt(&mut physics, &mut scene, 1.0);
+        let rolled = scene.objects[0].pose.translation.x - 0.5;
+        // Without resistance 0.17 m.
+        assert!(rolled > 0.14, "{rolled}");
     }
 }
