@@ -42,8 +42,8 @@ impl Default for Surroundings {
     /// The table of `docs/table-simulation.md`.
     fn default() -> Self {
         let container = |x, y| Container {
-            bottom: [x, y, -0.17],
-            size: [0.30, 0.25, 0.12],
+            bottom: [x, y, -0.29],
+            size: [0.30, 0.25, 0.24],
         };
         Self {
             surface: -0.05,

@@ -16,7 +16,10 @@ pub const CAMERA_HEIGHT: f64 = 0.911;
 
 /// Places of the depth sensors above the baskets, m, and their height above the table: the bottoms are within their range.
 const BASKET_CAMERAS: [[f64; 2]; 2] = [[0.27, -0.58], [0.45, 0.56]];
-const BASKET_CAMERA_HEIGHT: f64 = 0.80;
+const BASKET_CAMERA_HEIGHT: f64 = 0.72;
+
+/// Inner length along x and y, and depth of a basket, m. `docs/table-simulation.md` says why they are so deep.
+const BASKET_SIZE: [f64; 3] = [0.30, 0.25, 0.24];
 
 /// A table: a plate of wood.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -126,11 +129,10 @@ impl Default for Scene {
 impl Scene {
     /// Returns a table with baskets and no objects, without a robot.
     pub fn empty() -> Self {
-        let size = [0.30, 0.25, 0.12];
         // The rims are level with the table's surface.
         let basket = |x, y| Basket {
-            bottom: [x, y, SURFACE - size[2]],
-            size,
+            bottom: [x, y, SURFACE - BASKET_SIZE[2]],
+            size: BASKET_SIZE,
         };
         Self {
             table: Table::default(),

@@ -515,7 +515,7 @@ mod tests {
         let beside = Point3::new(
             x + spot.offset[0] + spot.half[0] + 0.02,
             y + spot.offset[1],
-            z + 0.16,
+            z + filling.container().size[2] + 0.04,
         );
         filling.measure(&[beside]);
         let high = release_pose(&item, grasp, &filling, angle, &spot);
