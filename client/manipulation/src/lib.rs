@@ -12,6 +12,7 @@
 //! | `stop_request` | [`Stop`]: finish the current object, or halt at once |
 //! | `picker/` | [`Picker`]: pre-grasp, approach, grasp, verification, lift, transport, release |
 //! | `tidy_task` | [`tidy_task`](tidy()): objects into the baskets of their classes |
+//! | `task_event` | [`TaskEvent`]: the progress of a task, for displays |
 //! | `slot_grid`, `reorder_task` | [`SlotGrid`]: slots on the table; [`reorder`]: objects into the slots that were commanded |
 //!
 //! Units are metres, **radians** and seconds; poses are in the base frame of the arm. The frame of the hand is that of the
@@ -28,6 +29,7 @@ mod reorder_task;
 mod slot_grid;
 mod stop_request;
 mod surroundings;
+mod task_event;
 mod tidy_task;
 mod workcell;
 
@@ -44,5 +46,6 @@ pub use reorder_task::{
 pub use slot_grid::SlotGrid;
 pub use stop_request::{Stop, StopRequest};
 pub use surroundings::{Container, Surroundings};
+pub use task_event::TaskEvent;
 pub use tidy_task::{TidyError, TidyOptions, TidyReport, tidy};
 pub use workcell::{Workcell, WorkcellError};

@@ -7,6 +7,7 @@ use crate::item::Item;
 use crate::picker::{PickError, Picker, Step};
 use crate::slot_grid::{SlotGrid, distance};
 use crate::stop_request::StopRequest;
+use crate::task_event::TaskEvent;
 use crate::workcell::Workcell;
 
 /// Slots that were commanded, by the number of the object.
@@ -132,6 +133,11 @@ pub fn reorder<W: Workcell>(
     if let Err(error) = run(picker, detector, commander, options, &mut report) {
         report.error = Some(error);
     }
+    let error = report.error.as_ref().map(ToString::to_string);
+    picker.notify(&TaskEvent::Ended {
+        stopped: report.stopped,
+        error: error.as_deref(),
+    });
     report
 }
 
@@ -151,7 +157,17 @@ fn run<W: Workcell>(
             return Ok(());
         }
         let items = detector.detect()?;
+        picker.notify(&TaskEvent::Detected { items: &items });
         let mut orders = commander.orders(&items);
+        let in_place = |(id, slot): (&u32, &usize)| {
+            let mut all = items.iter();
+            let item = all.find(|item| item.id == *id);
+            item.is_some_and(|item| options.grid.slot_at(place_of(item)) == Some(*slot))
+        };
+        picker.notify(&TaskEvent::Progress {
+            done: orders.iter().filter(|order| in_place(*order)).count(),
+            all: orders.len(),
+        });
         failures.retain(|id, (slot, _)| orders.get(id) == Some(slot));
         orders.retain(|id, _| {
             let failed = failures.get(id).map_or(0, |(_, count)| *count);
@@ -173,7 +189,7 @@ fn run<W: Workcell>(
         }
         report.left.clear();
         for next in moves {
-            let attempt = carry_out(picker, &items, &next, report)?;
+            let attempt = carry_out(picker, &items, &next, options, report)?;
             match attempt {
                 Attempt::SetDown => {
                     fruitless = 0;
@@ -219,11 +235,26 @@ fn carry_out<W: Workcell>(
     picker: &mut Picker<W>,
     items: &[Item],
     next: &Move,
+    options: &ReorderOptions,
     report: &mut ReorderReport,
 ) -> Result<Attempt, ReorderError> {
     let (mine, others): (Vec<Item>, Vec<Item>) =
         items.iter().cloned().partition(|item| item.id == next.id);
-    let outcome = picker.pick_and_set_down(&mine[0], &others, next.place, 0);
+    let slot = options.grid.slot_at(next.place);
+    let destination = match slot.filter(|_| !next.is_aside) {
+        Some(slot) => format!("slot {slot}"),
+        None => "a free place".to_owned(),
+    };
+    let item = &mine[0];
+    picker.notify(&TaskEvent::Chosen {
+        item,
+        destination: &destination,
+    });
+    let outcome = picker.pick_and_set_down(item, &others, next.place, 0);
+    if let Err(error) = &outcome {
+        let reason = &error.to_string();
+        picker.notify(&TaskEvent::Failed { reason });
+    }
     let attempt = match &outcome {
         Ok(()) => Attempt::SetDown,
         Err(PickError::NoGrasp { .. } | PickError::Unreachable { .. }) => Attempt::NothingMoved,

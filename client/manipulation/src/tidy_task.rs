@@ -4,6 +4,7 @@ use crate::detector::{DetectError, Detector};
 use crate::item::{Class, Item};
 use crate::picker::{PickError, Picker, Step};
 use crate::stop_request::StopRequest;
+use crate::task_event::TaskEvent;
 use crate::workcell::Workcell;
 
 /// Options of tidying.
@@ -101,15 +102,20 @@ pub fn tidy<W: Workcell>(
     if let Err(error) = run(picker, detector, options, &mut report) {
         report.error = Some(error);
     }
+    let error = report.error.as_ref().map(ToString::to_string);
+    picker.notify(&TaskEvent::Ended {
+        stopped: report.stopped,
+        error: error.as_deref(),
+    });
     report
 }
 
-/// Returns the number of the container for objects of a class.
-fn container_of(class: Class) -> usize {
+/// Returns the number of the container for objects of a class, and its name.
+fn container_of(class: Class) -> (usize, &'static str) {
     match class {
-        Class::Polygon => 0,
-        Class::Glass => 1,
-        Class::Plate => 2,
+        Class::Polygon => (0, "the basket of polygons"),
+        Class::Glass => (1, "the basket of glasses"),
+        Class::Plate => (2, "the basket of plates"),
     }
 }
 
@@ -141,6 +147,11 @@ fn run<W: Workcell>(
         let mut items = detector.detect()?;
         // The arm may hide some at first.
         budget = budget.max(items.len() * options.max_attempts_per_object);
+        picker.notify(&TaskEvent::Detected { items: &items });
+        picker.notify(&TaskEvent::Progress {
+            done: report.released,
+            all: report.released + items.len(),
+        });
         // What failed comes last; of the rest the highest first, which is in the way of the others.
         items.sort_by(|one, other| {
             let key = |item: &Item, history: &mut Vec<Tried>| tried(history, item).count;
@@ -161,7 +172,13 @@ fn run<W: Workcell>(
                 .filter(|other| other.id != item.id)
                 .cloned()
                 .collect();
-            let outcome = picker.pick_and_place(item, &others, container_of(item.class), before);
+            let (container, destination) = container_of(item.class);
+            picker.notify(&TaskEvent::Chosen { item, destination });
+            let outcome = picker.pick_and_place(item, &others, container, before);
+            if let Err(error) = &outcome {
+                let reason = &error.to_string();
+                picker.notify(&TaskEvent::Failed { reason });
+            }
             match outcome {
                 Ok(()) => {
                     report.attempts += 1;

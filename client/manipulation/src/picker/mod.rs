@@ -25,6 +25,7 @@ use crate::item::Item;
 use crate::low_torque_ik::{PostureError, PostureSolver};
 use crate::stop_request::{Stop, StopRequest};
 use crate::surroundings::Surroundings;
+use crate::task_event::{Observer, TaskEvent};
 use crate::workcell::{Workcell, WorkcellError};
 
 /// A step of picking and placing.
@@ -215,6 +216,7 @@ pub struct Picker<W> {
     fillings: [Filling; 3],
     /// Strain of the open fingers.
     unstrained: [i32; 3],
+    observer: Observer,
 }
 
 impl<W: Workcell> Picker<W> {
@@ -250,7 +252,17 @@ impl<W: Workcell> Picker<W> {
             plans: 0,
             fillings,
             unstrained: [0; 3],
+            observer: Observer::default(),
         })
+    }
+
+    /// Calls `callback` for each event of the tasks that use this picker, in their thread: it must not block.
+    pub fn observe(&mut self, callback: impl FnMut(&TaskEvent<'_>) + Send + 'static) {
+        self.observer = Observer::new(callback);
+    }
+
+    pub(crate) fn notify(&mut self, event: &TaskEvent<'_>) {
+        self.observer.notify(event);
     }
 
     /// Returns arm and hand.
@@ -401,6 +413,7 @@ impl<W: Workcell> Picker<W> {
 
     /// Grasps an object and lifts it.
     fn pick(&mut self, item: &Item, others: &[Item], first: usize) -> Result<PickPlan, PickError> {
+        self.begin(Step::Plan);
         self.leave_home()?;
         self.back_up(item, others)?;
         let plan = self.plan_pick(item, others, first)?;
@@ -413,6 +426,7 @@ impl<W: Workcell> Picker<W> {
             true => STEEP_GRIP,
             false => GRIP,
         };
+        self.begin(Step::Grasp);
         self.unstrained = self.strains(Step::Grasp)?;
         self.hand(Step::Grasp, &format!("GM {}", plan.grasp.contact + grip))?;
         self.pause(GRIP_TIME, Step::Grasp)?;
@@ -528,6 +542,11 @@ impl<W: Workcell> Picker<W> {
         }
         self.hand(Step::Plan, &format!("GM {}", grasp.open))
             .map(drop)
+    }
+
+    /// Announces a step in which the arm rests.
+    fn begin(&mut self, step: Step) {
+        self.notify(&TaskEvent::Step { step, path: &[] });
     }
 
     fn let_go(&mut self, grasp: &Grasp, step: Step) -> Result<(), PickError> {

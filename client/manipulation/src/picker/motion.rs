@@ -4,6 +4,7 @@ use yarp_devices::kinematics::Joints;
 use yarp_planning::Trajectory;
 
 use super::{PickError, Picker, Step};
+use crate::task_event::TaskEvent;
 use crate::workcell::Workcell;
 
 /// Number of corrections at the end of a motion, and the time for each, s.
@@ -19,6 +20,8 @@ const WAITS_AT: f64 = 0.8;
 /// Part of the planned pace below which the arm counts as not moving on, and the time after which it is blocked, s.
 const MIN_PACE: f64 = 0.1;
 const BLOCKED_TIME: f64 = 1.0;
+/// Number of postures that describe a path in an event.
+const PATH_POSTURES: usize = 40;
 /// Interval at which the speed of elbow and wrist is examined, s.
 const SPEED_INTERVAL: f64 = 0.02;
 
@@ -36,6 +39,15 @@ impl Motion {
             slower: self.slower * factor,
             ..self.clone()
         }
+    }
+
+    /// Returns postures along the motion, from its begin to its end.
+    fn postures(&self) -> Vec<Joints<7>> {
+        let last = PATH_POSTURES - 1;
+        let part = |index: usize| self.trajectory.duration() * index as f64 / last as f64;
+        (0..=last)
+            .map(|index| self.trajectory.joints_at(part(index)))
+            .collect()
     }
 
     /// Returns the posture at the end.
@@ -79,6 +91,10 @@ impl<W: Workcell> Picker<W> {
     }
 
     fn follow_with(&mut self, motion: &Motion, step: Step, fades: bool) -> Result<(), PickError> {
+        if self.observer.is_watching() {
+            let path = motion.postures();
+            self.notify(&TaskEvent::Step { step, path: &path });
+        }
         let interval = self.options.interval;
         let duration = motion.trajectory.duration() * motion.slower;
         let correction = self.correction;
