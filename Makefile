@@ -1,6 +1,7 @@
 # Everything a newcomer and the continuous integration need, by name.
 #
 #   make run        install what is missing, build, bring up a YARP network with a simulated arm
+#   make tidy       the same with a simulated table, which the arm tidies; needs OpenCV, which it installs
 #   make test       everything that needs no stock YARP
 #   make test-etcd  several name servers that share their names in etcd, which is installed if it is missing
 #   make test-live  ours against stock YARP 3.5.0, which is built first if it is not there
@@ -37,10 +38,15 @@ export RUST_TEST_THREADS
 # The oldest Rust that builds the workspace; the manifest promises it.
 OLDEST_RUST := $(shell sed -n 's/^rust-version = "\(.*\)"/\1/p' Cargo.toml)
 
-.PHONY: msrv run build features package test test-etcd test-live test-gui test-can soak idle hour bench check deny setup setup-vision stock abuse
+.PHONY: msrv run tidy build features package test test-etcd test-live test-gui test-can soak idle hour bench check deny setup setup-vision stock abuse
 
 run: build
 	target/release/yarp up
+
+# The table is watched in a browser: at the speed of a real robot.
+tidy: setup-vision
+	cargo build --release -p yarp-cli --features table,vision
+	target/release/yarp demo tidy --shared --speed 1 $(TIDY)
 
 build: setup
 	cargo build --release -p yarp-cli $(if $(FEATURES),--features $(FEATURES))

@@ -15,6 +15,7 @@ mod shown_log;
 
 use std::fmt;
 use std::io;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
@@ -50,6 +51,14 @@ pub(crate) fn start() {
         .with(forwarded_log::ForwardedLog);
     // This fails only if a logger is installed already, which then prints.
     let _ = tracing::subscriber::set_global_default(subscriber);
+}
+
+/// True once standard output is for results alone.
+static IS_APART: AtomicBool = AtomicBool::new(false);
+
+/// Sends the whole log to standard error from now on, so that a program can read the result from standard output.
+pub(crate) fn keep_apart() {
+    IS_APART.store(true, Ordering::Relaxed);
 }
 
 /// Lines that wait for the guard of [`hold_back`].
@@ -153,7 +162,7 @@ struct Line {
 impl io::Write for Line {
     fn write(&mut self, text: &[u8]) -> io::Result<usize> {
         static REPEATS: Repeats = Repeats::new();
-        let stream = match self.level <= Level::WARN {
+        let stream = match self.level <= Level::WARN || IS_APART.load(Ordering::Relaxed) {
             true => Stream::Err,
             false => Stream::Out,
         };

@@ -1,8 +1,8 @@
 """The live view in a real browser.
 
-    view.py --yarp PATH [--out DIRECTORY] [--table] [--pictures-only] [--readme DIRECTORY]
+    view.py --yarp PATH [--out DIRECTORY] [--table] [--tidy] [--pictures-only] [--readme DIRECTORY]
 
-Starts `yarp up --control` (and `yarp table --control` with --table), looks at its page with headless Chromium, and checks: the page is live, a slider moves
+Starts `yarp up --control` (and `yarp table --control` with --table, `yarp demo tidy` with --tidy), looks at its page with headless Chromium, and checks: the page is live, a slider moves
 the arm, dragging its tool guides it, a pose is taught and played, the emergency stop ends a move and later commands are refused, three viewers at once, one
 that reads nothing disturbs nobody, detections and plans are shown, a recording is replayed into another view, which has no controls, and a page of another
 origin is refused. Rates and delays are printed, not judged. Pictures in light and dark, 1440 and 390 pixels wide, are kept in DIRECTORY (target/web);
@@ -446,14 +446,12 @@ def readme(world, out):
     readme_picture(up.page, out, "live-view", "return Math.abs(globalThis.view.state.arm.p[3] - 95) < 2 && globalThis.view.state.arm.v.every((speed) => Math.abs(speed) < 0.1)")
     up.end()
     # Slower than usual: the pictures are drawn by the same processors.
-    table = Program(world, "table", "--objects", "8", "--seed", "3", "--prefix", "/lab", "--speed", "0.5")
-    world.await_port("/lab/wam/stateExt:o")
+    tidying = Program(world, "demo", "tidy", "--objects", "8", "--seed", "3", "--speed", "0.5", "--shared")
     readme_picture(
-        table.page, out, "tidying",
+        tidying.page, out, "tidying",
         # An object is well above the table.
         "const { table } = globalThis.view;"
-        "return !document.getElementById('picture').hidden && table.objects.some(({ pose }) => pose[2] > table.table[0] + 0.15)",
-        lambda: world.start(world.yarp, "demo", "tidy", "--remote", "/lab", "--seed", "3", "--speed", "0.5"),
+        "return !document.getElementById('picture').hidden && table?.objects.some(({ pose }) => pose[2] > table.table[0] + 0.15)",
     )
 
 
@@ -462,6 +460,24 @@ def rpc(world, port, request):
     subprocess.run(
         [world.yarp, "rpc", port], env=world.environment, input=request + "\n", capture_output=True, text=True, timeout=PATIENCE, check=True,
     )
+
+
+def tidied(world, stack):
+    """A table is tidied on the configured network, where other programs find it, and the page shows how."""
+    tidying = Program(world, "demo", "tidy", "--objects", "2", "--seed", "7001", "--speed", "1", "--shared")
+    browser = opened(stack)
+    live(browser, tidying.page)
+    until_scene(browser)
+    shown = "document.getElementById('step').textContent"
+    browser.until("the next object is shown", f"return {shown}.includes('into the basket of')")
+    browser.until("what was detected is shown", "return globalThis.view.status.detections?.objects.some(({ polygon }) => polygon.length > 2)")
+    browser.until("the objects are shown in 3D", "return globalThis.view.table?.objects.length === 2")
+    for name in ("/wam/rpc:i", "/baskets/left"):
+        world.await_port(name)
+    check("other programs find the table", True)
+    browser.until("an object is in its basket", "return document.getElementById('progress').value === 1 && document.getElementById('progress').max === 2")
+    check_quiet(browser, "the view of a table that is tidied")
+    tidying.end()
 
 
 def everything(world, args, stack):
@@ -484,6 +500,9 @@ def everything(world, args, stack):
     for joint, degrees in ((0, -25), (1, 35), (2, 10), (3, 95), (5, 45)):
         rpc(world, "/wam/rpc:i", f"[set] [pos] {joint} {degrees}.0")
     pictures(up.page, args.out, "view", "return Math.abs(globalThis.view.state.arm.p[3] - 95) < 2")
+    up.end()
+    if args.tidy:
+        tidied(world, stack)
     if args.table:
         table = Program(world, "table", "--control", "--prefix", "/lab")
         pictures(table.page, args.out, "view-table", "return globalThis.view.table?.objects.length && !document.getElementById('picture').hidden")
@@ -494,6 +513,7 @@ def main():
     parser.add_argument("--yarp", required=True)
     parser.add_argument("--out", default="target/web")
     parser.add_argument("--table", action="store_true")
+    parser.add_argument("--tidy", action="store_true")
     parser.add_argument("--pictures-only", action="store_true")
     parser.add_argument("--readme")
     args = parser.parse_args()

@@ -1,5 +1,7 @@
 //! `yarp demo`: the experiments of the thesis, on the simulated arm.
 
+#[cfg(all(unix, feature = "table"))]
+use std::io;
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -10,10 +12,23 @@ use yarp_demos::{joint_synchronisation, repeatability};
 
 use crate::error::Result;
 use crate::network_access;
+
+#[cfg(all(unix, feature = "table"))]
+use super::up::NameServerAccess;
+#[cfg(all(unix, feature = "table"))]
+use super::view::ViewArgs;
+#[cfg(all(unix, feature = "table"))]
+use crate::listen_addresses::BindArgs;
 #[cfg(all(unix, feature = "table"))]
 use crate::signals::Interrupt;
 #[cfg(all(unix, feature = "table"))]
+use crate::stock_log;
+#[cfg(all(unix, feature = "table"))]
+use tokio::sync::mpsc::{UnboundedSender, unbounded_channel};
+#[cfg(all(unix, feature = "table"))]
 use yarp_demos::DemoError;
+#[cfg(all(unix, feature = "table"))]
+use yarp_demos::table::{TableDemoOptions, TablePlace};
 #[cfg(all(unix, feature = "table"))]
 use yarp_demos::table::{reorder, tidy, tidy::Stop};
 
@@ -43,7 +58,7 @@ enum Demo {
     Reorder {
         #[command(flatten)]
         table: TableArgs,
-        /// Move only what is commanded at /reorder/rpc:i (`put ID SLOT`, `list`, `slots`, `help`), until `quit`
+        /// Move only what is commanded at /reorder/rpc:i (`put ID SLOT`, `list`, `slots`, `help`), until `quit`; implies --shared
         #[arg(long)]
         wait: bool,
     },
@@ -93,9 +108,16 @@ struct TableArgs {
     /// Standard deviation of a detected place along x and y, mm
     #[arg(long, value_name = "MM", default_value_t = 1.0)]
     noise: f64,
-    /// Prefix of a table that `yarp table` serves elsewhere, such as /lab; starts a table and a name server without it
+    /// Prefix of a table that `yarp table` serves elsewhere, such as /lab; starts a table without it
     #[arg(long, value_name = "PREFIX")]
     remote: Option<String>,
+    /// Serve the table on the configured network, where other programs find it, with a name server as `yarp up` starts it;
+    /// without it the table has a name server of its own
+    #[arg(long, conflicts_with = "remote")]
+    shared: bool,
+    /// Without --json and --remote there is a live view of the table
+    #[command(flatten)]
+    view: ViewArgs,
 }
 
 /// Time after the first signal from which a third one aborts the process.
@@ -104,8 +126,9 @@ const ABORT_AFTER: Duration = Duration::from_secs(2);
 
 #[cfg(all(unix, feature = "table"))]
 impl TableArgs {
-    fn options(&self) -> Result<yarp_demos::table::TableDemoOptions> {
-        let mut options = yarp_demos::table::TableDemoOptions::default();
+    /// Returns the options, and the access to the name server that a shared table needs.
+    async fn options(&self) -> Result<(TableDemoOptions, Option<NameServerAccess>)> {
+        let mut options = TableDemoOptions::default();
         options.objects = self.objects;
         options.seed = self.seed;
         options.speed = self.speed;
@@ -114,17 +137,46 @@ impl TableArgs {
         if self.detector == "vision" {
             options.detector = yarp_demos::table::DetectorChoice::Vision;
         }
-        if let Some(prefix) = &self.remote {
-            options.remote = Some((crate::network_access::network()?, prefix.clone()));
+        if !self.json {
+            options.view = self.view.log();
+            options.control = self.view.control();
         }
-        Ok(options)
+        if let Some(prefix) = &self.remote {
+            options.place = TablePlace::Remote(network_access::network()?, prefix.clone());
+        }
+        if !self.shared {
+            return Ok((options, None));
+        }
+        let access = NameServerAccess::find(BindArgs::default()).await?;
+        options.place = TablePlace::Here(access.network.clone());
+        Ok((options, Some(access)))
+    }
+}
+
+/// Sends what is written to the task that prints it.
+#[cfg(all(unix, feature = "table"))]
+struct Printer(UnboundedSender<Vec<u8>>);
+
+#[cfg(all(unix, feature = "table"))]
+impl Write for Printer {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        // Nobody reads any more once the command ends.
+        let _ = self.0.send(bytes.to_vec());
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
     }
 }
 
 /// Runs a demo on the table until it ends; the first signal finishes the current object, the second halts.
 #[cfg(all(unix, feature = "table"))]
 async fn on_table(
-    demo: impl FnOnce(&Stop, &mut Vec<u8>) -> std::result::Result<bool, DemoError> + Send + 'static,
+    args: &TableArgs,
+    demo: impl FnOnce(&TableDemoOptions, &Stop, &mut dyn Write) -> std::result::Result<bool, DemoError>
+    + Send
+    + 'static,
     out: &mut dyn Write,
 ) -> Result<ExitCode> {
     let stop = Stop::default();
@@ -132,13 +184,25 @@ async fn on_table(
     // Only a third signal may abort.
     let mut interrupt = Interrupt::listen_with(2, ABORT_AFTER);
     let mut presses = 1;
+    if args.json {
+        stock_log::keep_apart();
+    }
+    let (options, access) = args.options().await?;
+    // The address of a view is the first line.
+    let mut held = options.view.is_some().then(stock_log::hold_back);
+    let (lines, mut written) = unbounded_channel();
     let mut running = tokio::task::spawn_blocking(move || {
-        let mut text = Vec::new();
-        let told = demo(&stop, &mut text);
-        (told, text)
+        // Whole lines, so that none of the log comes in between.
+        demo(&options, &stop, &mut io::LineWriter::new(Printer(lines)))
     });
-    let (told, text) = loop {
+    let passed = loop {
         tokio::select! {
+            biased;
+            Some(bytes) = written.recv() => {
+                out.write_all(&bytes)?;
+                out.flush()?;
+                held = None;
+            }
             ended = &mut running => break ended.expect("the demo does not panic"),
             () = interrupt.interrupted_times(presses) => {
                 button.press();
@@ -146,8 +210,14 @@ async fn on_table(
             }
         }
     };
-    out.write_all(&text)?;
-    Ok(match told? {
+    drop(held);
+    while let Ok(bytes) = written.try_recv() {
+        out.write_all(&bytes)?;
+    }
+    if let Some(access) = access {
+        access.close().await;
+    }
+    Ok(match passed? {
         true => ExitCode::SUCCESS,
         false => ExitCode::FAILURE,
     })
@@ -157,18 +227,21 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let told = match args.demo {
         #[cfg(all(unix, feature = "table"))]
         Demo::Tidy(args) => {
-            let options = args.options()?;
-            let demo =
-                move |stop: &Stop, text: &mut Vec<u8>| tidy::run(&options, stop, args.json, text);
-            return on_table(demo, out).await;
+            let json = args.json;
+            let demo = move |options: &TableDemoOptions, stop: &Stop, out: &mut dyn Write| {
+                tidy::run(options, stop, json, out)
+            };
+            return on_table(&args, demo, out).await;
         }
         #[cfg(all(unix, feature = "table"))]
-        Demo::Reorder { table, wait } => {
-            let options = table.options()?;
-            let demo = move |stop: &Stop, text: &mut Vec<u8>| {
-                reorder::run(&options, wait, stop, table.json, text)
+        Demo::Reorder { mut table, wait } => {
+            let json = table.json;
+            // Nobody could command a table that only this process knows.
+            table.shared |= wait && table.remote.is_none();
+            let demo = move |options: &TableDemoOptions, stop: &Stop, out: &mut dyn Write| {
+                reorder::run(options, wait, stop, json, out)
             };
-            return on_table(demo, out).await;
+            return on_table(&table, demo, out).await;
         }
         Demo::Repeatability { repeat } => repeatability::run(repeat as usize, out),
         Demo::Sync => joint_synchronisation::run(out),

@@ -1,26 +1,19 @@
 //! `yarp table`: a simulated table with arm, hand and cameras.
 
-mod scene_message;
-
 use std::error::Error;
 use std::fs;
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::Arc;
-use std::time::Duration;
 
-use yarp_ports::{Network, Port, PortError, PortOptions};
+use yarp_demos::table::{ServedTable, ServedTableOptions};
+use yarp_ports::{Network, PortError};
 use yarp_table::{
     Class, Dataset, DatasetOptions, LiveOptions, LiveTable, Placement, Scene, write_models,
     write_shot,
 };
-use yarp_view::{View, ViewOptions};
+use yarp_view::View;
 use yarp_wire::PortName;
-use yarp_wrappers::frame_grabber::Capability;
-use yarp_wrappers::{
-    ControlBoardOptions, ControlBoardServer, FrameGrabberOptions, FrameGrabberServer, HandServer,
-};
 
 use crate::error::{Failure, Result};
 use crate::listen_addresses::{self, BindArgs};
@@ -155,21 +148,14 @@ fn scene(args: &Args) -> Result<Scene> {
     Scene::random(args.seed, &placement).map_err(failed)
 }
 
-/// Everything on ports.
-struct Served {
-    arm: ControlBoardServer,
-    hand: ControlBoardServer,
-    grasps: HandServer,
-    camera: FrameGrabberServer,
-    depth: FrameGrabberServer,
-    scene: Arc<Port>,
-}
-
 async fn serve(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let mut interrupt = Interrupt::listen();
-    let name = |part: &str| format!("{}/{part}", args.prefix);
-    for part in ["wam", "hand", "camera", "depth"] {
-        name(part).parse::<PortName>().map_err(PortError::from)?;
+    let mut serving = ServedTableOptions::default();
+    serving.prefix.clone_from(&args.prefix);
+    serving.speed = args.speed;
+    serving.rate = args.rate;
+    for name in serving.names() {
+        name.parse::<PortName>().map_err(PortError::from)?;
     }
     let network = args.bind.apply(network_access::network()?);
     let scene = scene(&args)?;
@@ -178,51 +164,39 @@ async fn serve(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     options.speed = args.speed;
     options.rate = args.rate;
     options.seed = args.seed;
-    let view = open_view(&args, &network, out).await?;
+    let view = open_view(&args, &network, &serving, out).await?;
     let starting = tokio::task::spawn_blocking(move || LiveTable::start(scene, options));
     let table = tokio::select! {
         biased;
         () = interrupt.interrupted() => return Ok(ExitCode::SUCCESS),
-        table = starting => Arc::new(table.expect("starting a table does not panic")?),
+        table = starting => table.expect("starting a table does not panic")?,
     };
-    let served = Served::open(&network, &table, &name, args.rate).await?;
-    let publisher = tokio::spawn(scene_message::publish(table.clone(), served.scene.clone()));
-    // For judges and for `yarp demo tidy --remote`.
-    let truth_name = name("truth/rpc:i");
-    let (truth_network, truth_scene) = (network.clone(), table.shared_scene());
-    let serving = move || yarp_demos::table::serve_truth(&truth_network, &truth_name, truth_scene);
-    let truth = tokio::task::spawn_blocking(serving).await;
-    let truth = truth
-        .expect("opening a port does not panic")
-        .map_err(failed)?;
+    let served = ServedTable::open(&network, table, &serving).await;
+    let served = served.map_err(failed)?;
     for part in ["wam", "hand"] {
-        listen_addresses::warn_if_open(&network, &name(part));
+        listen_addresses::warn_if_open(&network, &format!("{}/{part}", args.prefix));
     }
     let told = tell(&args.prefix, count, out);
     if told.is_ok() {
         crate::systemd_notify::notify_ready();
         interrupt.interrupted().await;
     }
-    publisher.abort();
-    let _ = publisher.await;
     if let Some(view) = view {
         view.close().await;
     }
     served.close().await;
-    // Joins its threads, which is no work for the executor.
-    let _ = tokio::task::spawn_blocking(move || drop((truth, table))).await;
     told.map(|()| ExitCode::SUCCESS)
 }
 
 /// Opens the view of the table and prints its address.
-async fn open_view(args: &Args, network: &Network, out: &mut dyn Write) -> Result<Option<View>> {
-    let name = |part: &str| format!("{}/{part}", args.prefix);
-    let options = ViewOptions::new(&name("wam"))
-        .hand(&name("hand"))
-        .camera(&name("camera"))
-        .source(&name("table/scene:o"));
+async fn open_view(
+    args: &Args,
+    network: &Network,
+    serving: &ServedTableOptions,
+    out: &mut dyn Write,
+) -> Result<Option<View>> {
     let held = stock_log::hold_back();
-    let view = args.view.open(network, options).await;
+    let view = args.view.open(network, serving.view()).await;
     let view = view.unwrap_or_else(|error| {
         warn_missing(&error);
         None
@@ -233,42 +207,6 @@ async fn open_view(args: &Args, network: &Network, out: &mut dyn Write) -> Resul
     }
     drop(held);
     Ok(view)
-}
-
-impl Served {
-    async fn open(
-        network: &Network,
-        table: &LiveTable,
-        name: &impl Fn(&str) -> String,
-        rate: f64,
-    ) -> Result<Self> {
-        let board = ControlBoardOptions::new;
-        // Looked for twice as often as images come, so that none is missed.
-        let period = Duration::from_secs_f64(0.5 / rate).min(Duration::from_millis(33));
-        let images = FrameGrabberOptions::new().period(period);
-        let depth = images.clone().capability(Capability::Raw);
-        Ok(Self {
-            arm: ControlBoardServer::open(network, table.arm(), &name("wam"), board()).await?,
-            hand: ControlBoardServer::open(network, table.hand(), &name("hand"), board()).await?,
-            grasps: HandServer::open(network, table.hand(), &name("hand")).await?,
-            camera: FrameGrabberServer::open(network, table.camera(), &name("camera"), images)
-                .await?,
-            depth: FrameGrabberServer::open(network, table.depth(), &name("depth"), depth).await?,
-            scene: Arc::new(Port::open(network, &name("table/scene:o"), PortOptions::new()).await?),
-        })
-    }
-
-    async fn close(self) {
-        // The publisher has ended, so nobody else holds it.
-        if let Ok(scene) = Arc::try_unwrap(self.scene) {
-            scene.close().await;
-        }
-        self.depth.close().await;
-        self.camera.close().await;
-        self.grasps.close().await;
-        self.hand.close().await;
-        self.arm.close().await;
-    }
 }
 
 /// Prints what is there and what to try.

@@ -184,8 +184,8 @@ impl Base {
 }
 
 /// The network, and its name server if this command started it.
-struct NameServerAccess {
-    network: Network,
+pub(super) struct NameServerAccess {
+    pub(super) network: Network,
     server: Option<Server>,
     /// The configuration file that was written for it.
     written: Option<PathBuf>,
@@ -195,7 +195,7 @@ impl NameServerAccess {
     /// The configured name server if it answers, else one of our own where the configuration says.
     ///
     /// A server of our own listens where its place is, if `bind` names an address; its ports listen at that address.
-    async fn find(bind: BindArgs) -> Result<Self> {
+    pub(super) async fn find(bind: BindArgs) -> Result<Self> {
         let configuration = Configuration::from_process()?;
         let network = bind.apply(Network::from_process()?);
         if let Some((namespace, _)) = configuration.name_server()
@@ -243,7 +243,8 @@ impl NameServerAccess {
         })
     }
 
-    async fn close(self) {
+    /// Ends the name server if this command started it.
+    pub(super) async fn close(self) {
         if let Some(server) = self.server {
             server.close().await;
         }

@@ -4,6 +4,8 @@ use std::io::Write;
 use std::process::ExitCode;
 
 use yarp_ports::{Network, PortError};
+#[cfg(all(unix, feature = "table"))]
+use yarp_view::LogLines;
 use yarp_view::{View, ViewOptions};
 use yarp_wire::PortName;
 
@@ -54,6 +56,18 @@ pub(crate) struct ViewArgs {
 }
 
 impl ViewArgs {
+    /// Returns the lines that the view shall show; `None` if there shall be no view.
+    #[cfg(all(unix, feature = "table"))]
+    pub(crate) fn log(self) -> Option<LogLines> {
+        (!self.no_view).then(stock_log::show_in)
+    }
+
+    /// Returns whether the page may command the robot.
+    #[cfg(all(unix, feature = "table"))]
+    pub(crate) fn control(self) -> bool {
+        self.control
+    }
+
     /// Opens the view, if it is wanted.
     ///
     /// Errors: those of [`View::open`]; a view that cannot be opened is no reason to stop the robot.

@@ -9,8 +9,10 @@ use yarp_client::{Hand, Network, Robot};
 use yarp_manipulation::{Detector, Picker, PickerOptions, RemoteWorkcell, Stop, Surroundings};
 use yarp_nameserver::{Server, ServerOptions};
 use yarp_table::{LiveOptions, LiveTable, Placement, Scene, arm_model};
+use yarp_view::{LogLines, View};
 
-use super::{ContainerView, RemoteTruth, ServedTable, TableDemoError};
+use super::task_display::TaskDisplay;
+use super::{ContainerView, RemoteTruth, ServedTable, ServedTableOptions, TableDemoError};
 
 /// Standard deviation of a detected place along x and y by default, m.
 pub const NOISE: f64 = 0.001;
@@ -27,6 +29,18 @@ pub enum DetectorChoice {
     Vision,
 }
 
+/// Places of the table of a demo.
+#[derive(Clone, Debug, Default)]
+pub enum TablePlace {
+    /// In this process, with a name server of its own that no other program finds.
+    #[default]
+    Isolated,
+    /// In this process, on this network.
+    Here(Network),
+    /// Elsewhere on this network, with this prefix.
+    Remote(Network, String),
+}
+
 /// Options of the demos on the table.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
@@ -41,8 +55,12 @@ pub struct TableDemoOptions {
     pub noise: f64,
     /// Source of the objects.
     pub detector: DetectorChoice,
-    /// Network and prefix of a table that runs elsewhere; `None` starts a table and a name server here.
-    pub remote: Option<(Network, String)>,
+    /// Place of the table.
+    pub place: TablePlace,
+    /// Serves a live view of a table in this process, which shows these log lines.
+    pub view: Option<LogLines>,
+    /// Lets the page of the view command the robot.
+    pub control: bool,
 }
 
 impl Default for TableDemoOptions {
@@ -53,7 +71,9 @@ impl Default for TableDemoOptions {
             speed: 2.0,
             noise: NOISE,
             detector: DetectorChoice::default(),
-            remote: None,
+            place: TablePlace::default(),
+            view: None,
+            control: false,
         }
     }
 }
@@ -75,20 +95,39 @@ pub(super) struct TableEnd {
     pub(super) wall: f64,
 }
 
-/// Starts a random table and a name server in this process, and runs a demo on its network.
+/// Starts a random table in this process, and a name server unless there is a network, and runs a demo on it.
+///
+/// The first line that is written to `out` is the address of the live view, if one is served.
 pub(super) fn with_table<R>(
     options: &TableDemoOptions,
     placement: &Placement,
+    source: &str,
+    out: &mut dyn Write,
     demo: impl FnOnce(&Network) -> Result<R, TableDemoError>,
 ) -> Result<(R, TableEnd), TableDemoError> {
     let scene = Scene::random(options.seed, placement)?;
-    let names = wait(Server::start(ServerOptions::default().at("127.0.0.1", 0)))?;
-    let network = names.network();
+    let (network, names) = match &options.place {
+        TablePlace::Here(network) => (network.clone(), None),
+        TablePlace::Isolated | TablePlace::Remote(..) => {
+            let names = wait(Server::start(ServerOptions::default().at("127.0.0.1", 0)))?;
+            (names.network(), Some(names))
+        }
+    };
     let mut live = LiveOptions::default();
     live.speed = options.speed;
     live.seed = options.seed;
+    let serving = ServedTableOptions {
+        speed: options.speed,
+        rate: live.rate,
+        ..ServedTableOptions::default()
+    };
+    let view = open_view(&network, options, &serving, source, out)?;
     let table = LiveTable::start(scene, live)?;
-    let served = ServedTable::open(&network, "", table, options.speed)?;
+    let opening = {
+        let network = network.clone();
+        async move { ServedTable::open(&network, table, &serving).await }
+    };
+    let served = wait(opening)?;
     let (begin, before) = (Instant::now(), served.table().statistics());
     let outcome = demo(&network);
     let (wall, after) = (begin.elapsed(), served.table().statistics());
@@ -101,9 +140,62 @@ pub(super) fn with_table<R>(
         };
         (report, end)
     });
-    served.close();
-    wait(names.close());
+    wait(async move {
+        if let Some(view) = view {
+            view.close().await;
+        }
+        served.close().await;
+        if let Some(names) = names {
+            names.close().await;
+        }
+    });
     ended
+}
+
+/// Opens the view that is wanted and writes its address; one that cannot be opened is no reason to stop the demo.
+fn open_view(
+    network: &Network,
+    options: &TableDemoOptions,
+    serving: &ServedTableOptions,
+    source: &str,
+    out: &mut dyn Write,
+) -> Result<Option<View>, TableDemoError> {
+    let Some(log) = &options.view else {
+        return Ok(None);
+    };
+    let mut shown = serving.view().control(options.control).log(log.clone());
+    for part in TaskDisplay::PORTS {
+        shown = shown.source(&format!("{source}/{part}"));
+    }
+    let network = network.clone();
+    match wait(async move { View::open(&network, shown).await }) {
+        Ok(view) => {
+            writeln!(out, "Live view: {}", view.url())?;
+            out.flush()?;
+            Ok(Some(view))
+        }
+        Err(error) => {
+            tracing::warn!(
+                error = yarp_client::ports::error_chain(&error),
+                "there is no live view"
+            );
+            Ok(None)
+        }
+    }
+}
+
+/// Opens the ports that show a task in the live view; without them the task runs all the same.
+pub(super) fn open_display(network: &Network, name: &str) -> Option<TaskDisplay> {
+    match TaskDisplay::open(network, name) {
+        Ok(display) => Some(display),
+        Err(error) => {
+            tracing::warn!(
+                error = yarp_client::ports::error_chain(&error),
+                "views do not show the task"
+            );
+            None
+        }
+    }
 }
 
 /// Connects to arm, hand, sensors and the source of objects of a table somewhere on the network.

@@ -2,7 +2,9 @@
 //!
 //! | module | content |
 //! | --- | --- |
-//! | `served_table` | [`ServedTable`]: arm, hand, cameras and truth of a table on ports |
+//! | `served_table` | [`ServedTable`]: arm, hand, cameras, scene and truth of a table on ports |
+//! | `scene_message` | the scene as a message for viewers |
+//! | `task_display` | messages that show a task in the live view |
 //! | `container_view` | [`ContainerView`]: what depth sensors see in the baskets |
 //! | `truth` | [`RemoteTruth`]: a detector that asks the table itself, with noise |
 //! | `vision` | a detector that looks through the table's cameras (feature `vision`) |
@@ -14,16 +16,18 @@
 mod container_view;
 mod demo_session;
 pub mod reorder;
+mod scene_message;
 mod served_table;
 mod slot_orders;
+mod task_display;
 pub mod tidy;
 mod truth;
 #[cfg(feature = "vision")]
 mod vision;
 
 pub use container_view::ContainerView;
-pub use demo_session::{DetectorChoice, NOISE, TableDemoOptions};
-pub use served_table::ServedTable;
+pub use demo_session::{DetectorChoice, NOISE, TableDemoOptions, TablePlace};
+pub use served_table::{ServedTable, ServedTableOptions};
 pub use truth::{RemoteTruth, serve_truth};
 #[cfg(feature = "vision")]
 pub use vision::RemoteVision;
@@ -36,6 +40,9 @@ use yarp_table::NoRoom;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum TableDemoError {
+    /// The output cannot be written.
+    #[error(transparent)]
+    Output(#[from] std::io::Error),
     /// The table has no room for the objects.
     #[error(transparent)]
     NoRoom(#[from] NoRoom),

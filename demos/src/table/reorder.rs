@@ -7,11 +7,13 @@ use yarp_client::Network;
 use yarp_manipulation::{ReorderOptions, ReorderReport, SlotGrid, SlotOrders, Stop, reorder};
 use yarp_table::{Class, Placement};
 
-use super::demo_session::{TableEnd, connect, with_table, write_result};
+use super::demo_session::{TableEnd, connect, open_display, with_table, write_result};
 use super::slot_orders::PortOrders;
-use super::{TableDemoError, TableDemoOptions};
+use super::{TableDemoError, TableDemoOptions, TablePlace};
 use crate::DemoError;
 
+/// Name of the ports that show the task.
+const NAME: &str = "/reorder";
 /// The port at which slots are commanded.
 pub const ORDERS_PORT: &str = "/reorder/rpc:i";
 /// Height below the table's surface at which an object has fallen, m.
@@ -29,14 +31,16 @@ pub fn run(
     out: &mut dyn Write,
 ) -> Result<bool, DemoError> {
     let grid = ReorderOptions::default().grid;
-    let ((report, orders), truth) = match &options.remote {
-        Some((network, prefix)) => (reorder_on(network, prefix, options, waits, stop)?, None),
-        None => {
+    let ((report, orders), truth) = match &options.place {
+        TablePlace::Remote(network, prefix) => {
+            (reorder_on(network, prefix, options, waits, stop)?, None)
+        }
+        TablePlace::Isolated | TablePlace::Here(_) => {
             let classes = [Class::Glass, Class::Box, Class::Prism];
             let placement = Placement::default()
                 .with_count(options.objects)
                 .with_classes(&classes);
-            let (outcome, end) = with_table(options, &placement, |network| {
+            let (outcome, end) = with_table(options, &placement, NAME, out, |network| {
                 reorder_on(network, "", options, waits, stop)
             })?;
             (outcome, Some(end))
@@ -128,6 +132,10 @@ fn reorder_on(
     let task = ReorderOptions::default();
     let mut orders = PortOrders::open(network, ORDERS_PORT, task.grid, waits, stop.clone())?;
     let (mut picker, mut detector) = connect(network, prefix, options, stop)?;
+    let display = open_display(network, NAME);
+    if let Some(display) = &display {
+        picker.observe(display.observer());
+    }
     let report = reorder(&mut picker, detector.as_mut(), &mut orders, &task);
     Ok((report, orders.in_force()))
 }

@@ -1,10 +1,14 @@
 //! A simulated table on the network.
 
+use std::future::Future;
+use std::sync::Arc;
 use std::time::Duration;
 
-use yarp_client::ports::blocking::wait;
+use tokio::task::{JoinHandle, spawn_blocking};
 use yarp_client::{Network, RpcServer};
+use yarp_ports::{Port, PortOptions};
 use yarp_table::LiveTable;
+use yarp_view::ViewOptions;
 use yarp_wrappers::frame_grabber::Capability;
 use yarp_wrappers::{
     ControlBoardOptions, ControlBoardServer, FrameGrabberOptions, FrameGrabberServer, HandServer,
@@ -12,24 +16,70 @@ use yarp_wrappers::{
 
 use super::TableDemoError;
 use super::container_view::ContainerView;
+use super::scene_message;
 use super::truth::serve_truth;
 
 /// Interval at which arm and hand publish their state, on the table's clock.
 const STATE_INTERVAL: Duration = Duration::from_millis(10);
 /// Shortest interval at which they do.
 const MIN_STATE_INTERVAL: Duration = Duration::from_millis(2);
+/// Longest interval at which a new image is looked for.
+const MAX_IMAGE_INTERVAL: Duration = Duration::from_millis(33);
 
-/// Arm, hand, cameras and truth of a table, each on its ports.
+/// Names of the devices of a table, after its prefix.
+const DEVICES: [&str; 4] = ["wam", "hand", "camera", "depth"];
+
+/// Options of a table on the network.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct ServedTableOptions {
+    /// Prefix of all names; empty by default.
+    pub prefix: String,
+    /// Speed of the table relative to real time: states are published as often on its own clock.
+    pub speed: f64,
+    /// Images of a camera in a second while somebody watches.
+    pub rate: f64,
+}
+
+impl Default for ServedTableOptions {
+    fn default() -> Self {
+        Self {
+            prefix: String::new(),
+            speed: 1.0,
+            rate: 5.0,
+        }
+    }
+}
+
+impl ServedTableOptions {
+    /// Returns the names of the devices.
+    pub fn names(&self) -> [String; 4] {
+        DEVICES.map(|part| self.name(part))
+    }
+
+    /// Returns the options of a live view of this table.
+    pub fn view(&self) -> ViewOptions {
+        ViewOptions::new(&self.name("wam"))
+            .hand(&self.name("hand"))
+            .camera(&self.name("camera"))
+            .source(&self.name("table/scene:o"))
+    }
+
+    fn name(&self, part: &str) -> String {
+        format!("{}/{part}", self.prefix)
+    }
+}
+
+/// Arm, hand, cameras, scene and truth of a table, each on its ports.
 pub struct ServedTable {
-    table: LiveTable,
+    table: Arc<LiveTable>,
     arm: ControlBoardServer,
     hand: ControlBoardServer,
     grasps: HandServer,
-    camera: FrameGrabberServer,
-    depth: FrameGrabberServer,
-    baskets: Vec<FrameGrabberServer>,
-    // Closed on drop.
-    _truth: RpcServer,
+    cameras: Vec<FrameGrabberServer>,
+    scene: Arc<Port>,
+    publisher: JoinHandle<()>,
+    truth: RpcServer,
 }
 
 impl std::fmt::Debug for ServedTable {
@@ -42,57 +92,52 @@ impl std::fmt::Debug for ServedTable {
 
 impl ServedTable {
     /// Opens the ports: `PREFIX/wam`, `PREFIX/hand`, `PREFIX/camera`, `PREFIX/depth`, `PREFIX/baskets/right`,
-    /// `PREFIX/baskets/left` and `PREFIX/truth/rpc:i`.
+    /// `PREFIX/baskets/left`, `PREFIX/table/scene:o` and `PREFIX/truth/rpc:i`.
     ///
-    /// `speed` is that of the table: the states are published as often on its own clock.
-    pub fn open(
+    /// Errors: a name is taken or refused, or the name server cannot be reached.
+    pub async fn open(
         network: &Network,
-        prefix: &str,
         table: LiveTable,
-        speed: f64,
+        options: &ServedTableOptions,
     ) -> Result<Self, TableDemoError> {
+        let table = Arc::new(table);
+        let name = |part: &str| options.name(part);
         let interval = STATE_INTERVAL
-            .div_f64(speed.max(0.1))
+            .div_f64(options.speed.max(0.1))
             .max(MIN_STATE_INTERVAL);
-        let truth = serve_truth(
-            network,
-            &format!("{prefix}/truth/rpc:i"),
-            table.shared_scene(),
-        )?;
-        let (network, prefix) = (network.clone(), prefix.to_owned());
-        let (wam, fingers, eye) = (table.arm(), table.hand(), table.camera());
-        let sensor = table.depth();
-        let above = table.basket_cameras();
-        let opening = async move {
-            let name = |part: &str| format!("{prefix}/{part}");
-            let board = || ControlBoardOptions::new().period(interval);
-            let images = FrameGrabberOptions::new();
-            let raw = images.clone().capability(Capability::Raw);
-            let (wam_name, hand_name, camera_name) = (name("wam"), name("hand"), name("camera"));
-            let mut baskets = Vec::new();
-            for (camera, part) in above.into_iter().zip(ContainerView::NAMES) {
-                let (raw, name) = (raw.clone(), name(part));
-                baskets.push(FrameGrabberServer::open(&network, camera, &name, raw).await?);
-            }
-            Ok::<_, TableDemoError>((
-                ControlBoardServer::open(&network, wam, &wam_name, board()).await?,
-                ControlBoardServer::open(&network, fingers.clone(), &hand_name, board()).await?,
-                HandServer::open(&network, fingers, &hand_name).await?,
-                FrameGrabberServer::open(&network, eye, &camera_name, images).await?,
-                FrameGrabberServer::open(&network, sensor, &name("depth"), raw).await?,
-                baskets,
-            ))
-        };
-        let (arm, hand, grasps, camera, depth, baskets) = wait(opening)?;
+        let board = || ControlBoardOptions::new().period(interval);
+        // Looked for twice as often as images come, so that none is missed.
+        let looks = Duration::from_secs_f64(0.5 / options.rate.max(0.1)).min(MAX_IMAGE_INTERVAL);
+        let images = FrameGrabberOptions::new().period(looks);
+        let raw = images.clone().capability(Capability::Raw);
+        let arm = ControlBoardServer::open(network, table.arm(), &name("wam"), board()).await?;
+        let hand = ControlBoardServer::open(network, table.hand(), &name("hand"), board()).await?;
+        let grasps = HandServer::open(network, table.hand(), &name("hand")).await?;
+        let mut cameras = Vec::new();
+        let eye = name("camera");
+        let eye = FrameGrabberServer::open(network, table.camera(), &eye, images).await?;
+        cameras.push(eye);
+        let mut sensors = vec![(table.depth(), "depth")];
+        sensors.extend(table.basket_cameras().into_iter().zip(ContainerView::NAMES));
+        for (sensor, part) in sensors {
+            let raw = raw.clone();
+            cameras.push(FrameGrabberServer::open(network, sensor, &name(part), raw).await?);
+        }
+        let scene = Port::open(network, &name("table/scene:o"), PortOptions::new()).await?;
+        let scene = Arc::new(scene);
+        let (network, name, shared) = (network.clone(), name("truth/rpc:i"), table.shared_scene());
+        let truth = spawn_blocking(move || serve_truth(&network, &name, shared));
+        let truth = truth.await.expect("opening a port does not panic")?;
+        let publisher = tokio::spawn(scene_message::publish(table.clone(), scene.clone()));
         Ok(Self {
             table,
             arm,
             hand,
             grasps,
-            camera,
-            depth,
-            baskets,
-            _truth: truth,
+            cameras,
+            scene,
+            publisher,
+            truth,
         })
     }
 
@@ -102,28 +147,33 @@ impl ServedTable {
     }
 
     /// Closes all ports and ends the table.
-    pub fn close(self) {
+    pub fn close(self) -> impl Future<Output = ()> + Send {
         let Self {
             table,
             arm,
             hand,
             grasps,
-            camera,
-            depth,
-            baskets,
-            _truth: truth,
+            cameras,
+            scene,
+            publisher,
+            truth,
         } = self;
-        wait(async move {
-            for camera in baskets {
+        async move {
+            publisher.abort();
+            // It has been aborted.
+            let _ = publisher.await;
+            // The publisher has ended, so nobody else holds it.
+            if let Ok(scene) = Arc::try_unwrap(scene) {
+                scene.close().await;
+            }
+            for camera in cameras {
                 camera.close().await;
             }
-            depth.close().await;
-            camera.close().await;
             grasps.close().await;
             hand.close().await;
             arm.close().await;
-        });
-        drop(truth);
-        drop(table);
+            // Waits for threads, which is no work for the executor.
+            let _ = spawn_blocking(move || drop((truth, table))).await;
+        }
     }
 }

@@ -9,9 +9,12 @@ use yarp_table::{Class, Placement, Scene};
 
 pub use yarp_manipulation::Stop;
 
-use super::demo_session::{connect, with_table, write_result};
-use super::{RemoteTruth, TableDemoError, TableDemoOptions};
+use super::demo_session::{connect, open_display, with_table, write_result};
+use super::{RemoteTruth, TableDemoError, TableDemoOptions, TablePlace};
 use crate::DemoError;
+
+/// Name of the ports that show the task, which every view knows.
+const NAME: &str = "/tidy";
 
 /// Tidies a table and writes the result; returns whether it is above the targets.
 ///
@@ -23,10 +26,10 @@ pub fn run(
     json: bool,
     out: &mut dyn Write,
 ) -> Result<bool, DemoError> {
-    let (report, judgement) = match &options.remote {
-        Some((network, prefix)) => (tidy_on(network, prefix, options, stop)?, None),
-        None => {
-            let (report, judgement) = tidy_here(options, stop)?;
+    let (report, judgement) = match &options.place {
+        TablePlace::Remote(network, prefix) => (tidy_on(network, prefix, options, stop)?, None),
+        TablePlace::Isolated | TablePlace::Here(_) => {
+            let (report, judgement) = tidy_here(options, stop, out)?;
             (report, Some(judgement))
         }
     };
@@ -137,9 +140,10 @@ impl Judgement {
 fn tidy_here(
     options: &TableDemoOptions,
     stop: &Stop,
+    out: &mut dyn Write,
 ) -> Result<(TidyReport, Judgement), TableDemoError> {
     let placement = Placement::default().with_count(options.objects);
-    let (report, end) = with_table(options, &placement, |network| {
+    let (report, end) = with_table(options, &placement, NAME, out, |network| {
         tidy_on(network, "", options, stop)
     })?;
     let mut judgement = Judgement::of(&end.scene, &report);
@@ -157,6 +161,10 @@ fn tidy_on(
     stop: &Stop,
 ) -> Result<TidyReport, TableDemoError> {
     let (mut picker, mut detector) = connect(network, prefix, options, stop)?;
+    let display = open_display(network, NAME);
+    if let Some(display) = &display {
+        picker.observe(display.observer());
+    }
     Ok(tidy(
         &mut picker,
         detector.as_mut(),

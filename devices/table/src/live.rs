@@ -57,6 +57,11 @@ impl Default for LiveOptions {
     }
 }
 
+/// Maximum rate of a camera, images a second.
+const MAX_RATE: f64 = 30.0;
+/// Images of the small sensors above the baskets for each one of the camera: an arm waits for them before each release.
+const BASKET_RATE: f64 = 4.0;
+
 /// Events on a table since it started: the truth, for judging a client.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TableStatistics {
@@ -87,7 +92,7 @@ impl LiveTable {
     /// pseudo-terminal, and those of the hand.
     pub fn start(mut scene: Scene, options: LiveOptions) -> Result<Self, DeviceError> {
         check("the speed of a table,", options.speed, [0.1, 20.0])?;
-        check("the rate of a camera,", options.rate, [0.1, 30.0])?;
+        check("the rate of a camera,", options.rate, [0.1, MAX_RATE])?;
         let simulator = SimulatorOptions {
             period: STEP,
             seed: options.seed,
@@ -126,7 +131,8 @@ impl LiveTable {
         let depth = TableCamera::start(&scene, beside, Kind::Depth(noise), options.rate)?;
         let [right, left] = lock(&scene).basket_cameras();
         let above = |camera| {
-            TableCamera::start(&scene, camera, Kind::Depth(noise), options.rate).map(Arc::new)
+            let rate = (options.rate * BASKET_RATE).min(MAX_RATE);
+            TableCamera::start(&scene, camera, Kind::Depth(noise), rate).map(Arc::new)
         };
         let baskets = [above(right)?, above(left)?];
         Ok(Self {

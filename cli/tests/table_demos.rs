@@ -1,0 +1,121 @@
+//! The demos on the simulated table: here with a live view, and in several processes on one network.
+
+#![cfg(unix)]
+
+mod common;
+
+use std::io::{Read, Write};
+use std::net::TcpStream;
+use std::time::Duration;
+
+use common::{Ended, Home};
+
+/// Longer than a demo with few objects takes on a busy machine.
+const DEMO_TIMEOUT: Duration = Duration::from_secs(240);
+
+/// Returns the value of a key in a result that is printed over several lines, or in one.
+fn value(ended: &Ended, key: &str) -> String {
+    let text = ended.out.join(" ");
+    let (_, rest) = text
+        .split_once(&format!("\"{key}\":"))
+        .unwrap_or_else(|| panic!("no {key} in {ended:?}"));
+    let end = rest.find([',', '}']).unwrap_or(rest.len());
+    rest[..end].trim().to_owned()
+}
+
+/// Returns the answer to a request for a page.
+fn page(url: &str) -> String {
+    let host = url.trim_start_matches("http://").trim_end_matches('/');
+    let mut stream = TcpStream::connect(host).unwrap();
+    write!(
+        stream,
+        "GET / HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n"
+    )
+    .unwrap();
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).unwrap();
+    answer
+}
+
+#[test]
+fn a_table_is_tidied_in_front_of_viewers() {
+    let home = Home::new();
+    let mut demo = home.start("demo tidy --objects 2 --seed 7001 --speed 3");
+    assert!(demo.sees_within("Live view: ", DEMO_TIMEOUT));
+    let first = demo.printed()[0].clone();
+    let url = first
+        .strip_prefix("Live view: ")
+        .expect("the first line is the address");
+    let shown = page(url);
+    assert!(
+        shown.starts_with("HTTP/1.1 200") && shown.contains("<html"),
+        "{shown}"
+    );
+    assert!(demo.sees_within("\"wall_seconds\"", DEMO_TIMEOUT));
+    // Its exit code depends on how fast this machine is.
+    let ended = demo.finish();
+    assert_eq!(value(&ended, "placed"), "2");
+    assert_eq!(value(&ended, "detector"), "\"truth\"");
+}
+
+#[test]
+fn the_result_is_one_line_of_json_without_a_view() {
+    let home = Home::new();
+    let mut demo = home.start("demo tidy --objects 2 --seed 7002 --speed 3 --json");
+    assert!(demo.sees_within("\"wall_seconds\"", DEMO_TIMEOUT));
+    let ended = demo.finish();
+    assert_eq!(ended.out.len(), 1, "{ended:?}");
+    assert_eq!(value(&ended, "placed"), "2");
+}
+
+#[test]
+fn a_table_of_another_process_is_tidied_until_the_first_signal() {
+    let home = Home::new();
+    let server = home.serve();
+    let table = home
+        .start("table --objects 3 --seed 7003 --speed 3 --prefix /lab --no-view")
+        .see("A table with 3 objects");
+    let mut demo = home.start("demo tidy --remote /lab --speed 3");
+    // The task is told to viewers; its port is there once it begins.
+    home.run("wait /tidy/plan:o").with(0);
+    let mut viewer = home.start("read ... /tidy/plan:o");
+    assert!(viewer.sees_within("(phase lift)", DEMO_TIMEOUT));
+    let told = viewer.printed().join(" ");
+    assert!(told.contains("into the basket of"), "{told}");
+    viewer.kill();
+    demo = demo.signal("INT");
+    assert!(demo.sees_within("\"wall_seconds\"", DEMO_TIMEOUT));
+    let ended = demo.finish();
+    assert_eq!(value(&ended, "stopped"), "true", "{ended:?}");
+    assert_eq!(value(&ended, "attempts"), "1", "{ended:?}");
+    assert_eq!(value(&ended, "error"), "null", "{ended:?}");
+    drop((table, server));
+}
+
+#[test]
+fn objects_go_into_the_slots_that_another_program_commands() {
+    let home = Home::new();
+    // A name server as `yarp up` starts it: other programs find the table.
+    let mut demo = home.start("demo reorder --wait --objects 1 --seed 7004 --speed 3");
+    assert!(demo.sees_within("Live view: ", DEMO_TIMEOUT));
+    let listed = (0..100).find_map(|_| {
+        std::thread::sleep(Duration::from_millis(300));
+        let told = home.run_with("rpc /reorder/rpc:i", "list\n");
+        told.out.iter().find(|line| line.contains("is (")).cloned()
+    });
+    let listed = listed.expect("an object on the table");
+    let id = listed
+        .split("is (")
+        .nth(1)
+        .and_then(|rest| rest.split(' ').next());
+    let id: u32 = id.and_then(|id| id.parse().ok()).expect("its number");
+    let told = home.run_with("rpc /reorder/rpc:i", &format!("put {id} 4\nquit\n"));
+    assert_eq!(
+        told.out.iter().filter(|line| line.contains("ok")).count(),
+        2,
+        "{told:?}"
+    );
+    assert!(demo.sees_within("\"wall_seconds\"", DEMO_TIMEOUT));
+    let ended = demo.finish().with(0);
+    assert_eq!(value(&ended, "placed"), "1");
+}
