@@ -129,6 +129,28 @@ fn may_go_on(error: &PickError, blocked: usize) -> bool {
     }
 }
 
+/// Detects the objects, in the order in which they are to be tried.
+fn look<W: Workcell>(
+    picker: &mut Picker<W>,
+    detector: &mut dyn Detector,
+    history: &mut Vec<Tried>,
+    report: &TidyReport,
+) -> Result<Vec<Item>, TidyError> {
+    let mut items = detector.detect()?;
+    picker.notify(&TaskEvent::Detected { items: &items });
+    picker.notify(&TaskEvent::Progress {
+        done: report.released,
+        all: report.released + items.len(),
+    });
+    // What failed comes last; of the rest the highest first, which is in the way of the others.
+    items.sort_by(|one, other| {
+        let key = |item: &Item, history: &mut Vec<Tried>| tried(history, item).count;
+        let (first, second) = (key(one, history), key(other, history));
+        first.cmp(&second).then(other.top().total_cmp(&one.top()))
+    });
+    Ok(items)
+}
+
 fn run<W: Workcell>(
     picker: &mut Picker<W>,
     detector: &mut dyn Detector,
@@ -144,20 +166,9 @@ fn run<W: Workcell>(
             report.stopped = true;
             return Ok(());
         }
-        let mut items = detector.detect()?;
+        let items = look(picker, detector, &mut history, report)?;
         // The arm may hide some at first.
         budget = budget.max(items.len() * options.max_attempts_per_object);
-        picker.notify(&TaskEvent::Detected { items: &items });
-        picker.notify(&TaskEvent::Progress {
-            done: report.released,
-            all: report.released + items.len(),
-        });
-        // What failed comes last; of the rest the highest first, which is in the way of the others.
-        items.sort_by(|one, other| {
-            let key = |item: &Item, history: &mut Vec<Tried>| tried(history, item).count;
-            let (first, second) = (key(one, &mut history), key(other, &mut history));
-            first.cmp(&second).then(other.top().total_cmp(&one.top()))
-        });
         report.left.clear();
         let mut progress = false;
         for item in &items {

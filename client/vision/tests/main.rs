@@ -4,6 +4,7 @@
 mod rendering;
 
 mod back_projection;
+mod beyond_image;
 mod calibration_files;
 mod calibration_images;
 mod calibration_session;

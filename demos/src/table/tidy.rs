@@ -2,7 +2,7 @@
 
 use std::io::Write;
 
-use serde_json::json;
+use serde_json::{Value, json};
 use yarp_client::Network;
 use yarp_manipulation::{TidyOptions, TidyReport, tidy};
 use yarp_table::{Class, Placement, Scene};
@@ -52,6 +52,7 @@ pub fn run(
         "dropped": truth.map(|truth| report.released.saturating_sub(truth.placed + truth.misclassified)),
         "lost": truth.map(|truth| truth.lost),
         "misclassified": truth.map(|truth| truth.misclassified),
+        "not_placed": truth.map(|truth| &truth.not_placed),
         "collisions": truth.map(|truth| truth.collisions),
         "simulated_seconds": truth.map(|truth| truth.simulated),
         "simulated_seconds_per_object": truth.map(|truth| truth.simulated / truth.objects.max(1) as f64),
@@ -73,6 +74,8 @@ struct Judgement {
     within_two: usize,
     lost: usize,
     misclassified: usize,
+    /// Objects that are not in their basket, and where they are, m.
+    not_placed: Vec<Value>,
     collisions: u64,
     simulated: f64,
     wall: f64,
@@ -86,6 +89,7 @@ impl Judgement {
             within_two: 0,
             lost: 0,
             misclassified: 0,
+            not_placed: Vec::new(),
             collisions: 0,
             simulated: 0.0,
             wall: 0.0,
@@ -101,6 +105,13 @@ impl Judgement {
                 .baskets
                 .iter()
                 .position(|basket| basket.contains(&place));
+            if found != Some(wanted) {
+                let place = [place.x, place.y, place.z].map(|metres| (metres * 1e3).round() / 1e3);
+                let class = object.class().word();
+                judgement
+                    .not_placed
+                    .push(json!({"class": class, "place": place}));
+            }
             match found {
                 Some(basket) if basket == wanted => {
                     let attempts = report.log.iter().filter(|(id, _)| *id == object.id).count();

@@ -49,7 +49,9 @@ impl RemoteVision {
             Ok(RemoteImages::new(camera, STREAM_TIMEOUT))
         };
         let setup = table_setup();
-        let parameters = DetectorParameters::default();
+        let mut parameters = DetectorParameters::default();
+        // The camera sees less of the table than the arm reaches.
+        parameters.beyond_image = true;
         Ok(Self {
             colour: images(&names[0])?,
             depth: images(&names[1])?,

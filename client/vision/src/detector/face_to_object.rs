@@ -110,6 +110,13 @@ impl Examiner<'_> {
             && fill >= self.parameters.min_fill
         {
             let free = self.view.least_free(&outline, face.height);
+            let top = self.setup.surface + face.height;
+            if self.parameters.beyond_image && !self.is_within_image(&outline, top) {
+                return match free >= MIN_WHOLE {
+                    true => self.named(image, &outline, face.height, fill),
+                    false => Ok(None),
+                };
+            }
             if free >= MIN_FREE {
                 let object = self.refined(image, &outline, &rim, face.height, fill)?;
                 let is_concave = matches!(outline, Outline::Polygon(_))
@@ -188,8 +195,12 @@ impl Examiner<'_> {
 
     /// Returns whether an outline lies within the image: of one that does not, nobody knows where it ends.
     pub(super) fn is_within_image(&self, outline: &Outline, height: f64) -> bool {
-        let camera = &self.setup.camera;
-        let size = camera.intrinsics.size;
+        self.contains(&refine::pixels(&self.setup.camera, outline, height))
+    }
+
+    /// Returns whether the image has all these pixels.
+    fn contains(&self, pixels: &[[f64; 2]]) -> bool {
+        let size = self.setup.camera.intrinsics.size;
         let inside = |pixel: &[f64; 2]| {
             let in_range = |axis: usize| {
                 (-BORDER_TOLERANCE..=size[axis] as f64 - 1.0 + BORDER_TOLERANCE)
@@ -197,7 +208,7 @@ impl Examiner<'_> {
             };
             in_range(0) && in_range(1)
         };
-        refine::pixels(camera, outline, height).iter().all(inside)
+        pixels.iter().all(inside)
     }
 
     /// Returns the object with this outline, if the database has its kind.
@@ -308,6 +319,13 @@ impl Examiner<'_> {
         let kind = self.kind_of(height, |face| {
             matches!(face, KindFace::Rectangle { sides: range }
                 if fits(one, *range) && fits(other, *range))
+        });
+        let is_print_in_sight = self.contains(contour);
+        let kind = kind.or_else(|| {
+            self.kind_of(height, |face| {
+                matches!(face, KindFace::Printed { sides: [low, high], .. }
+                    if !is_print_in_sight && fits(size[1], [*low; 2]) && fits(size[0], [*high; 2]))
+            })
         });
         let shape = Shape::Polygon(Polygon::Rectangle {
             sides: size.map(|side| self.pixels(side, height)),

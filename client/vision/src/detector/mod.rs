@@ -74,6 +74,9 @@ pub struct DetectorParameters {
     pub ratio: f64,
     /// Fewest features of a print that agree on one homography.
     pub min_inliers: usize,
+    /// True if objects that leave the colour image are found by the depth image alone: less exact, and cartons by their
+    /// size; false by default.
+    pub beyond_image: bool,
 }
 
 impl Default for DetectorParameters {
@@ -89,6 +92,7 @@ impl Default for DetectorParameters {
             min_support: 0.3,
             ratio: 0.8,
             min_inliers: 6,
+            beyond_image: false,
         }
     }
 }
@@ -229,7 +233,11 @@ impl Detector {
         }
         let pixels = mat::in_order(image)?;
         recognition::check_contrast(&pixels)?;
-        let (low, high) = self.field_of_view();
+        let camera = match self.parameters.beyond_image {
+            true => rays.camera(),
+            false => &self.setup.camera,
+        };
+        let (low, high) = field_of_view(camera, self.setup.surface);
         let points = rays.points(depth, self.setup.surface)?;
         let highest = self.database.kinds.iter().map(|kind| kind.height[1]);
         let limits = FaceLimits {
@@ -277,22 +285,21 @@ impl Detector {
         let found = self.recogniser.detect(image)?;
         Ok(found.into_iter().map(FoundObject::without_pose).collect())
     }
+}
 
-    /// Returns the smallest and largest x and y of the table that the camera sees.
-    fn field_of_view(&self) -> ([f64; 2], [f64; 2]) {
-        let camera = &self.setup.camera;
-        let [width, height] = camera.intrinsics.size.map(|size| size as f64 - 1.0);
-        let corners = [[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]];
-        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
-        for point in corners
-            .iter()
-            .filter_map(|corner| camera.on_plane(*corner, self.setup.surface))
-        {
-            for (axis, value) in [point.x, point.y].into_iter().enumerate() {
-                low[axis] = low[axis].min(value);
-                high[axis] = high[axis].max(value);
-            }
+/// Returns the smallest and largest x and y of the table that a camera sees.
+fn field_of_view(camera: &CameraModel, surface: f64) -> ([f64; 2], [f64; 2]) {
+    let [width, height] = camera.intrinsics.size.map(|size| size as f64 - 1.0);
+    let corners = [[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]];
+    let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+    for point in corners
+        .iter()
+        .filter_map(|corner| camera.on_plane(*corner, surface))
+    {
+        for (axis, value) in [point.x, point.y].into_iter().enumerate() {
+            low[axis] = low[axis].min(value);
+            high[axis] = high[axis].max(value);
         }
-        (low, high)
     }
+    (low, high)
 }
