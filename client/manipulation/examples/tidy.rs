@@ -7,7 +7,7 @@ mod support;
 use std::time::Instant;
 
 use support::{SimulatedCell, Truth, shared};
-use yarp_manipulation::{TidyOptions, tidy};
+use yarp_manipulation::{TaskEvent, TidyOptions, tidy};
 use yarp_table::{Class, Placement, Random, Scene, SimulationOptions};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -42,6 +42,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         };
         let start = Instant::now();
         let mut picker = support::picker(cell)?;
+        if verbose {
+            picker.observe(|event| match event {
+                TaskEvent::Chosen { item, .. } => println!("  {} {}", item.label, item.id),
+                TaskEvent::Step { step, .. } => println!("    {step}"),
+                TaskEvent::Failed { reason } => println!("    failed: {reason}"),
+                _ => {}
+            });
+        }
         let report = tidy(&mut picker, &mut detector, &TidyOptions::default());
         table.borrow_mut().step(1.0);
         let table = table.borrow();

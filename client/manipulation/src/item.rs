@@ -1,11 +1,16 @@
 //! Objects to grasp.
 
-use nalgebra::{Translation3, Vector3};
+use std::f64::consts::FRAC_PI_2;
+
+use nalgebra::{Rotation3, Translation3, Vector3};
 use yarp_devices::kinematics::Pose;
 use yarp_planning::{Obstacle, Shape};
 
 /// Number of cuboids that stand for a prism.
 const PRISM_SLICES: usize = 5;
+
+/// Vertical part of the direction of a cylinder's axis below which it lies.
+const LIES_BELOW: f64 = 0.7;
 
 /// The class of an object, which decides its container.
 #[derive(Clone, Copy, Debug, Eq, Hash, PartialEq)]
@@ -87,6 +92,43 @@ pub struct Item {
 }
 
 impl Item {
+    /// Returns the same object, described as grasps need it: with its z axis up, whichever side it lies on.
+    ///
+    /// A cuboid gets its edges in another order; a cylinder that lies is a cuboid around it. A prism on one of its rectangular
+    /// sides stays as it is.
+    pub fn at_rest(&self) -> Self {
+        let turn = self.pose.rotation;
+        let axis = |index: usize| turn * Vector3::ith(index, 1.0);
+        let size = match self.shape {
+            ItemShape::Cuboid { size } => size,
+            ItemShape::Cylinder { radius, height } if axis(2).z.abs() < LIES_BELOW => {
+                [2.0 * radius, 2.0 * radius, height]
+            }
+            _ => return self.clone(),
+        };
+        let mut order = [0, 1, 2];
+        order.sort_by(|one, other| axis(*one).z.abs().total_cmp(&axis(*other).z.abs()));
+        let up = order[2];
+        let [short, long] = match size[order[0]] <= size[order[1]] {
+            true => [order[0], order[1]],
+            false => [order[1], order[0]],
+        };
+        if [short, long, up] == [0, 1, 2] && axis(2).z > 0.0 {
+            return self.clone();
+        }
+        // Upright: what it is tilted by is noise, or it leans on something.
+        let along = axis(long);
+        let yaw = along.y.atan2(along.x) - FRAC_PI_2;
+        let rotation = Rotation3::from_axis_angle(&Vector3::z_axis(), yaw);
+        Self {
+            shape: ItemShape::Cuboid {
+                size: [size[short], size[long], size[up]],
+            },
+            pose: Pose::from_parts(self.pose.translation, rotation),
+            ..self.clone()
+        }
+    }
+
     /// Returns the rotation about the vertical, rad.
     pub fn yaw(&self) -> f64 {
         let along = self.pose.rotation * Vector3::x();
@@ -123,6 +165,68 @@ mod tests {
     use nalgebra::Point3;
 
     use super::*;
+
+    fn item(shape: ItemShape, rotation: Rotation3<f64>) -> Item {
+        let middle = Translation3::new(0.5, 0.1, 0.0);
+        Item {
+            id: 1,
+            label: "carton".into(),
+            class: Class::Polygon,
+            shape,
+            pose: Pose::from_parts(middle, rotation),
+        }
+    }
+
+    #[test]
+    fn what_lies_on_another_side_is_described_as_it_lies() {
+        let carton = ItemShape::Cuboid {
+            size: [0.095, 0.165, 0.063],
+        };
+        // As usual, and upside down.
+        let usual = item(carton, Rotation3::from_euler_angles(0.0, 0.0, 0.3));
+        assert_eq!(usual.at_rest(), usual);
+        let turned = item(
+            carton,
+            Rotation3::from_euler_angles(std::f64::consts::PI, 0.0, 0.3),
+        );
+        assert_eq!(turned.at_rest().shape, carton);
+        assert!((turned.at_rest().pose.rotation * Vector3::z()).z > 0.999);
+        // On its end: the longest edge is up; the longer of the others is along y.
+        let yaw = 0.3;
+        let standing = item(
+            carton,
+            Rotation3::from_euler_angles(0.0, 0.0, yaw)
+                * Rotation3::from_euler_angles(FRAC_PI_2, 0.0, 0.0),
+        );
+        let rest = standing.at_rest();
+        let size = [0.063, 0.095, 0.165];
+        assert_eq!(rest.shape, ItemShape::Cuboid { size });
+        // The edge of 95 mm was along x, which is turned by yaw.
+        let along = rest.pose.rotation * Vector3::y();
+        let expected = Vector3::new(yaw.cos(), yaw.sin(), 0.0);
+        assert!(along.cross(&expected).norm() < 1e-9, "{along}");
+        assert!((rest.top() - 0.0825).abs() < 1e-9);
+        // On its long side.
+        let side = item(carton, Rotation3::from_euler_angles(0.0, FRAC_PI_2, 0.0)).at_rest();
+        let size = [0.063, 0.165, 0.095];
+        assert_eq!(side.shape, ItemShape::Cuboid { size });
+    }
+
+    #[test]
+    fn a_lying_glass_is_a_cuboid_and_a_leaning_one_is_none() {
+        let glass = ItemShape::Cylinder {
+            radius: 0.035,
+            height: 0.12,
+        };
+        let leaning = item(glass, Rotation3::from_euler_angles(0.3, 0.0, 0.0));
+        assert_eq!(leaning.at_rest(), leaning);
+        let lying = item(glass, Rotation3::from_euler_angles(0.0, FRAC_PI_2, 0.0)).at_rest();
+        let size = [0.07, 0.12, 0.07];
+        assert_eq!(lying.shape, ItemShape::Cuboid { size });
+        // Its axis was along x.
+        let along = lying.pose.rotation * Vector3::y();
+        assert!(along.cross(&Vector3::x()).norm() < 1e-9, "{along}");
+    }
 
     #[test]
     fn the_obstacles_of_a_prism_contain_it_and_are_narrower_than_its_cylinder() {

@@ -156,7 +156,7 @@ fn run<W: Workcell>(
             report.stopped = true;
             return Ok(());
         }
-        let items = detector.detect()?;
+        let items: Vec<Item> = detector.detect()?.iter().map(Item::at_rest).collect();
         picker.notify(&TaskEvent::Detected { items: &items });
         let mut orders = commander.orders(&items);
         let in_place = |(id, slot): (&u32, &usize)| {

@@ -136,7 +136,7 @@ fn look<W: Workcell>(
     history: &mut Vec<Tried>,
     report: &TidyReport,
 ) -> Result<Vec<Item>, TidyError> {
-    let mut items = detector.detect()?;
+    let mut items: Vec<Item> = detector.detect()?.iter().map(Item::at_rest).collect();
     picker.notify(&TaskEvent::Detected { items: &items });
     picker.notify(&TaskEvent::Progress {
         done: report.released,
@@ -198,8 +198,15 @@ fn run<W: Workcell>(
                     progress = true;
                     blocked = 0;
                 }
-                // Nothing moved: perhaps another object is in the way.
-                Err(error @ (PickError::NoGrasp { .. } | PickError::Unreachable { .. })) => {
+                // The arm has not moved: perhaps another object is in the way, or the place where it is now.
+                Err(
+                    error @ (PickError::NoGrasp { .. }
+                    | PickError::Unreachable { .. }
+                    | PickError::Plan {
+                        step: Step::PreGrasp,
+                        ..
+                    }),
+                ) => {
                     tracing::info!(%error, "skipped");
                     report.left.push((item.label.clone(), error.to_string()));
                     continue;

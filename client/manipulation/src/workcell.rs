@@ -16,6 +16,22 @@ pub struct WorkcellError {
     pub source: Box<DeviceError>,
 }
 
+impl WorkcellError {
+    /// Returns whether a hand refused a command because its motors are hot; it takes commands again when they have cooled.
+    pub fn is_overheated(&self) -> bool {
+        let mut cause: Option<&dyn std::error::Error> = Some(&*self.source);
+        let hot = yarp_devices::hand::gcl::Status::OVER_TEMPERATURE.to_string();
+        let word = hot.split(" (").next().unwrap_or_default();
+        while let Some(error) = cause {
+            if error.to_string().contains(word) {
+                return true;
+            }
+            cause = error.source();
+        }
+        false
+    }
+}
+
 /// An arm with a hand: set points at a fixed interval, commands of the hand, and time.
 ///
 /// Time is that of the robot: [`wait`](Self::wait) lets it pass.

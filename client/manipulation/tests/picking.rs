@@ -447,3 +447,57 @@ fn an_object_whose_lift_is_blocked_is_put_back() {
     let clutches = table.borrow().simulation.hand().clutches();
     assert!(clutches.iter().all(Option::is_none), "{clutches:?}");
 }
+
+/// It stopped while its end posture was corrected, where set points are rare: that ended the run.
+#[test]
+fn an_arm_that_stops_itself_at_the_end_of_a_motion_is_used_again() {
+    let mut last = 0.0;
+    let mut stopped = false;
+    let (_table, mut picker, item) = deaf(0, move |table: &Shared| {
+        let mut table = table.borrow_mut();
+        let now = table.simulation.time().as_secs_f64();
+        let is_correction = last > 0.0 && (0.1..0.15).contains(&(now - last));
+        last = now;
+        if is_correction && !stopped {
+            stopped = true;
+            let arm = table.simulation.arm_mut();
+            let set = arm.set_control_modes(Axes::All, &[Mode::Position; 7]);
+            set.expect("the mode is set");
+        }
+        true
+    });
+    let error = picker.pick_and_place(&item, &[], 0, 0).unwrap_err();
+    assert!(matches!(error, PickError::Blocked { .. }), "{error}");
+    let placed = picker.pick_and_place(&item, &[], 0, 0);
+    placed.expect("it is placed");
+}
+
+#[test]
+fn a_hot_hand_is_waited_for() {
+    let size = [0.06, 0.09, 0.08];
+    let (table, mut picker, item) = table(Shape::Box { size }, 0.55, 0.05);
+    table
+        .borrow_mut()
+        .simulation
+        .hand_mut()
+        .set_temperature(65.2);
+    let placed = picker.pick_and_place(&item, &[], 0, 0);
+    placed.expect("it is placed");
+    // It cools by 5 degrees before it moves again.
+    let took = table.borrow().simulation.time().as_secs_f64();
+    assert!(took > 40.0, "{took}");
+}
+
+#[test]
+fn a_hand_that_stays_hot_is_an_error_that_says_so() {
+    let size = [0.06, 0.09, 0.08];
+    let (table, mut picker, item) = table(Shape::Box { size }, 0.55, 0.05);
+    table
+        .borrow_mut()
+        .simulation
+        .hand_mut()
+        .set_temperature(110.0);
+    let error = picker.pick_and_place(&item, &[], 0, 0).unwrap_err();
+    assert!(error.to_string().contains("over-temperature"), "{error}");
+    assert!(height(&table) > -0.05, "{}", height(&table));
+}

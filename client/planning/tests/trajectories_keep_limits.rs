@@ -123,3 +123,28 @@ fn a_tiny_motion_takes_a_short_time() {
         );
     }
 }
+
+/// Corners that meet left straight pieces of 1e-17 rad between them, and the whole motion was slowed down because of them.
+#[test]
+fn a_curve_of_short_pieces_is_not_slow() {
+    let limits = JointLimits::uniform(SPEED, ACCELERATION);
+    for number in 1..200 {
+        // An arc of 60 degrees in two joints, and another joint that moves along.
+        let radius = 0.2 + 0.01 * f64::from(number);
+        let posture = |step: i32| {
+            let angle = f64::from(step) / 20.0;
+            let mut joints = Joints::<7>::zeros();
+            joints[1] = radius * angle.sin();
+            joints[3] = 1.0 + radius * (1.0 - angle.cos());
+            joints[5] = angle / 3.0;
+            joints
+        };
+        let path = Path::through((0..=20).map(posture).collect()).unwrap();
+        let trajectory = Trajectory::new(&path, &limits).unwrap();
+        // Half of the acceleration is for the bends, whose radius of curvature is that of the rounded corners.
+        let slow = 2.0 * path.length() / SPEED + 2.0 * SPEED / ACCELERATION;
+        let duration = trajectory.duration();
+        assert!(duration < slow, "radius {radius}: {duration} s, {slow} s");
+        check_limits(&trajectory);
+    }
+}

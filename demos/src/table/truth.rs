@@ -122,25 +122,25 @@ impl RemoteTruth {
             _ => return None,
         };
         let (x, y, z) = (number(2)?, number(3)?, number(4)?);
-        let inside = |value: f64, [from, to]: [f64; 2]| (from..=to).contains(&value);
-        let bottom = z - shape.height() / 2.0;
-        let there = inside(x, self.table[0])
-            && inside(y, self.table[1])
-            && (-ON_TABLE..ON_TABLE).contains(&(bottom - self.surface));
-        if !there {
-            return None;
-        }
         let mut noise = |scale: f64| self.random.gaussian() * scale;
         let place = Translation3::new(x + noise(self.noise), y + noise(self.noise), z);
         let yaw = number(7)? + noise(self.noise / 0.05);
         let turn = Rotation3::from_euler_angles(number(5)?, number(6)?, yaw);
-        Some(Item {
+        let item = Item {
             id,
             label: word.to_owned(),
             class,
             shape,
             pose: Pose::from_parts(place, turn),
-        })
+        };
+        // Whichever side it lies on.
+        let item = item.at_rest();
+        let inside = |value: f64, [from, to]: [f64; 2]| (from..=to).contains(&value);
+        let bottom = z - item.shape.height() / 2.0;
+        let is_there = inside(x, self.table[0])
+            && inside(y, self.table[1])
+            && (-ON_TABLE..ON_TABLE).contains(&(bottom - self.surface));
+        is_there.then_some(item)
     }
 }
 

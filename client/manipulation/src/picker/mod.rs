@@ -196,6 +196,10 @@ const MIN_STRAIN: i32 = 8;
 /// Time for which the fingers settle after closing and opening, s.
 const GRIP_TIME: f64 = 0.25;
 
+/// Time for which a hand may cool down before it counts as failed, and the interval at which it is asked, s.
+const MAX_COOLING_TIME: f64 = 120.0;
+const COOLING_INTERVAL: f64 = 2.0;
+
 /// Picks and places objects with one arm and hand.
 #[derive(Debug)]
 pub struct Picker<W> {
@@ -305,7 +309,11 @@ impl<W: Workcell> Picker<W> {
     /// Holds an arm that does not follow: the next motion begins where it is.
     fn hold_here(&mut self, step: Step) -> Result<(), PickError> {
         let failed = |source| PickError::Workcell { step, source };
-        self.cell.hold().map_err(failed)?;
+        if self.cell.hold().is_err() {
+            // It may have stopped itself: then it takes set points again once it is prepared for them.
+            self.cell.prepare().map_err(failed)?;
+            self.cell.hold().map_err(failed)?;
+        }
         let joints = self.cell.joints().map_err(failed)?;
         self.at = self.model.chain.clamp(&joints);
         self.correction = Joints::<7>::zeros();
@@ -572,8 +580,19 @@ impl<W: Workcell> Picker<W> {
 
     fn hand(&mut self, step: Step, line: &str) -> Result<String, PickError> {
         self.check_stop(step)?;
-        let sent = self.cell.command_hand(line);
-        sent.map_err(|source| PickError::Workcell { step, source })
+        let mut waited = 0.0;
+        loop {
+            match self.cell.command_hand(line) {
+                Ok(reply) => return Ok(reply),
+                // Fingers without current keep their grip.
+                Err(error) if error.is_overheated() && waited < MAX_COOLING_TIME => {
+                    tracing::info!(%error, %step, "waiting until the hand has cooled down");
+                    self.pause(COOLING_INTERVAL, step)?;
+                    waited += COOLING_INTERVAL;
+                }
+                Err(source) => return Err(PickError::Workcell { step, source }),
+            }
+        }
     }
 
     fn check_stop(&self, step: Step) -> Result<(), PickError> {

@@ -138,7 +138,7 @@ impl<W: Workcell> Picker<W> {
             let step_of = |angle: f64| angle.clamp(-MAX_CORRECTION_STEP, MAX_CORRECTION_STEP);
             let more = self.correction + (self.at - measured).map(step_of);
             self.correction = more.map(|angle| angle.clamp(-MAX_CORRECTION, MAX_CORRECTION));
-            self.command(step)?;
+            self.command_or_stall(step)?;
         }
         self.pause(CORRECTION_TIME, step)
     }

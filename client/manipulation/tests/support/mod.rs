@@ -7,6 +7,7 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use nalgebra::Point3;
+use yarp_devices::hand::gcl::Status;
 use yarp_devices::kinematics::Joints;
 use yarp_devices::{Axes, DeviceError, Mode};
 use yarp_manipulation::{
@@ -143,10 +144,20 @@ impl Workcell for SimulatedCell {
         while table.simulation.hand().is_busy() && table.simulation.time() < end {
             table.step(0.002);
         }
+        if std::env::var_os("VERBOSE").is_some() {
+            let took = 15.0 - (end.as_secs_f64() - table.simulation.time().as_secs_f64());
+            let now = table.simulation.time().as_secs_f64();
+            println!("      {now:.1} s: {line}, {took:.2} s");
+        }
         let said = table.simulation.hand_mut().take_output();
         let said = String::from_utf8_lossy(&said).into_owned();
         if said.contains("ERR") && !said.contains("ERR 16") {
-            let what = format!("{line}: {}", said.replace(['\r', '\n'], " "));
+            let status = said.split("ERR ").nth(1).and_then(|rest| {
+                let digits = rest.split_whitespace().next()?;
+                digits.parse().ok().map(Status::new)
+            });
+            let status = status.map_or_else(|| said.clone(), |status| status.to_string());
+            let what = format!("{line}: {status}");
             return Err(failed("command the hand")(DeviceError::NotSupported {
                 what,
             }));

@@ -19,6 +19,8 @@ const GRID_STEP: f64 = 0.01;
 const MIN_CORNER_STEPS: f64 = 16.0;
 /// Smallest number of grid intervals of a straight piece: between two points at rest there must be one that moves.
 const MIN_STRAIGHT_STEPS: f64 = 2.0;
+/// Length below which there is no straight piece between two corners, rad: rounding of numbers leaves some.
+const MIN_STRAIGHT: f64 = 1e-9;
 /// Largest number of grid points.
 const MAX_GRID: usize = 20_000;
 
@@ -77,8 +79,8 @@ impl Trajectory {
         Ok(grid.timed(&squares).slowed(limits))
     }
 
-    /// Returns the motion, slowed down as a whole by as much as it exceeds an acceleration limit between grid points:
-    /// velocities are averaged where two pieces of the path meet.
+    /// Returns the motion, slowed down as a whole by as much as it exceeds an acceleration limit between grid points, whose
+    /// directions differ from those in the middle of the intervals.
     fn slowed(mut self, limits: &JointLimits<7>) -> Self {
         let mut excess = 1.0_f64;
         for index in 1..self.times.len() {
@@ -136,7 +138,9 @@ impl Trajectory {
 struct Grid {
     step: Vec<f64>,
     joints: Vec<Joints<7>>,
+    /// First derivatives in the middle of each interval, and at its end.
     first: Vec<Joints<7>>,
+    first_at_end: Vec<Joints<7>>,
     second: Vec<Joints<7>>,
 }
 
@@ -174,7 +178,7 @@ fn rounded(path: &Path) -> Vec<Piece> {
             half.min(lengths[index] / 2.0).min(lengths[index + 1] / 2.0)
         });
         let straight = lengths[index] - used - corner;
-        if straight > 0.0 {
+        if straight > MIN_STRAIGHT {
             pieces.push(Piece {
                 start: postures[index] + directions[index] * used,
                 first: directions[index],
@@ -202,6 +206,7 @@ impl Grid {
             step: Vec::new(),
             joints: vec![path.postures()[0]],
             first: Vec::new(),
+            first_at_end: Vec::new(),
             second: Vec::new(),
         };
         for piece in rounded(path) {
@@ -218,6 +223,7 @@ impl Grid {
                 let end = (index as f64 + 1.0) * step;
                 grid.step.push(step);
                 grid.first.push(piece.first + piece.second * middle);
+                grid.first_at_end.push(piece.first + piece.second * end);
                 grid.second.push(piece.second);
                 let joints = piece.start + piece.first * end + piece.second * (end * end / 2.0);
                 grid.joints.push(joints);
@@ -291,11 +297,8 @@ impl Grid {
             // Never at rest within the path: the limits are positive.
             time += 2.0 * step / (begin + end).max(1e-9);
             times.push(time);
-            let slope = match self.first.get(index + 1) {
-                Some(next) => (self.first[index] + next) / 2.0,
-                None => self.first[index],
-            };
-            velocities.push(slope * end);
+            // Exact: means of the slopes beside a point would jump within a piece that is very short.
+            velocities.push(self.first_at_end[index] * end);
         }
         Trajectory {
             times,
