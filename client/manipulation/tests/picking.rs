@@ -496,7 +496,7 @@ fn a_hand_that_stays_hot_is_an_error_that_says_so() {
         .borrow_mut()
         .simulation
         .hand_mut()
-        .set_temperature(110.0);
+        .set_temperature(400.0);
     let error = picker.pick_and_place(&item, &[], 0, 0).unwrap_err();
     assert!(error.to_string().contains("over-temperature"), "{error}");
     assert!(height(&table) > -0.05, "{}", height(&table));

@@ -30,6 +30,33 @@ pub(crate) fn finger_joints(counts: f64, spread: f64) -> FingerJoints {
     }
 }
 
+/// Link, length along its x axis and radius of the links of a finger that may touch an object, m: the one that spreads, the
+/// inner and the outer one.
+const LINKS: [(usize, f64, f64); 3] = [
+    (0, 0.045, 0.0125),
+    (1, 0.070, 0.011),
+    (2, OUTER_LENGTH, TIP_RADIUS),
+];
+/// Number of places along a link that are examined.
+const LINK_SAMPLES: u32 = 14;
+
+/// Returns the smallest distance along the finger's plane between its links and an object, m: whose side is this far from
+/// the middle of the hand, and whose top is at this depth below the hand's frame. Infinite if no link is so deep.
+pub(super) fn side_clearance(counts: f64, side: f64, top: f64) -> f64 {
+    let frames = finger_kinematics::link_frames(Finger::F3, &finger_joints(counts, 0.0));
+    let mut least = f64::INFINITY;
+    for (link, length, radius) in LINKS {
+        for sample in 0..=LINK_SAMPLES {
+            let along = length * f64::from(sample) / f64::from(LINK_SAMPLES);
+            let place = frames[link] * Point3::new(along, 0.0, 0.0);
+            if place.z + radius > top {
+                least = least.min(place.y - radius - side);
+            }
+        }
+    }
+    least
+}
+
 /// Returns the place of a finger for a motor position in counts.
 pub(super) fn reach(counts: f64) -> Reach {
     let frames = finger_kinematics::link_frames(Finger::F3, &finger_joints(counts, 0.0));

@@ -24,7 +24,7 @@ use yarp_devices::kinematics::Pose;
 use crate::item::{Item, ItemShape};
 
 pub(crate) use fingers::finger_joints;
-use fingers::{FINGER_STOP, Reach, SPREAD_COUNTS, TIP_RADIUS, reach};
+use fingers::{FINGER_STOP, Reach, SPREAD_COUNTS, TIP_RADIUS, reach, side_clearance};
 
 /// Angle between the place that F1 touches and the one opposite F3, when the fingers are equally far from each other, rad.
 const EQUAL_ANGLE: f64 = std::f64::consts::FRAC_PI_3;
@@ -37,6 +37,17 @@ const DIRECTIONS: u32 = 12;
 /// Height of the palm's face above the frame of the hand, with the roundness of the palm, m.
 const PALM_DEPTH: f64 = 0.078;
 
+/// Height of an object from which on the fingertips keep more distance from the table, and how much more, m.
+const HIGH: f64 = 0.04;
+const HIGH_CLEARANCE: f64 = 0.004;
+
+/// Smallest distance of the open fingers from the side of an object, m, and the part of the object that their inner links may
+/// overlap at the contact, which is that of the tips.
+const KNUCKLE_CLEARANCE: f64 = 0.005;
+const CONTACT_TOLERANCE: f64 = 0.001;
+/// Step by which the hand is raised until its fingers are clear of the object, m.
+const HEIGHT_STEP: f64 = 0.002;
+
 /// Further opening of the fingers at a release, counts.
 const RELEASE_COUNTS: i32 = 800;
 
@@ -46,7 +57,8 @@ const RELEASE_COUNTS: i32 = 800;
 pub struct GraspOptions {
     /// Height of the table's surface, m.
     pub surface: f64,
-    /// Distance of the fingertips from the table at their lowest point, m; 2 mm by default.
+    /// Distance of the fingertips from the table at their lowest point, m; 2 mm by default. For objects that are high enough
+    /// it is 6 mm: a heavy one pulls the arm down while it is squeezed.
     pub table_clearance: f64,
     /// Distance of the palm from the top of the object, m; 12 mm by default.
     pub palm_clearance: f64,
@@ -175,9 +187,25 @@ fn grasp(item: &Item, options: &GraspOptions, direction: f64, meeting: Meeting) 
     let surface = options.surface;
     // The tips go down while the fingers close; the palm stays above the object.
     let lowest = deepest(open, contact + SQUEEZE) + TIP_RADIUS;
-    let by_tips = surface + options.table_clearance + lowest;
+    let more = match item.shape.height() >= HIGH {
+        true => HIGH_CLEARANCE,
+        false => 0.0,
+    };
+    let by_tips = surface + options.table_clearance + more + lowest;
     let by_palm = item.top() + options.palm_clearance + PALM_DEPTH;
-    let height = by_tips.max(by_palm);
+    let mut height = by_tips.max(by_palm);
+    // Knuckles that come down on the edge of a wide object block the arm, or press it down while the fingers close.
+    let is_free = |height: f64| {
+        let clearance =
+            |counts: i32| side_clearance(f64::from(counts), meeting.inner, height - item.top());
+        clearance(open) >= KNUCKLE_CLEARANCE && clearance(contact) >= -CONTACT_TOLERANCE
+    };
+    while !is_free(height) {
+        height += HEIGHT_STEP;
+        if height > item.top() + lowest {
+            return None;
+        }
+    }
     // The tips must touch the object, not the air above it.
     let tip = height - reach(f64::from(contact)).depth;
     if tip > item.top() {
@@ -261,6 +289,48 @@ mod tests {
         assert!((relative.matrix() - expected).norm() < 1e-9, "{relative}");
         assert_eq!(first.spread, 0);
         assert!(first.open < first.contact);
+    }
+
+    #[test]
+    fn fingertips_stay_above_the_table() {
+        for (height, clearance) in [(0.03, 0.002), (0.063, 0.006)] {
+            let size = [0.06, 0.09, height];
+            let item = item(ItemShape::Cuboid { size }, 0.0);
+            let grasp = &grasps(&item, &GraspOptions::default())[0];
+            let lowest = grasp.hand.translation.z - grasp.depth + 0.05;
+            assert!(lowest >= clearance - 1e-9, "{height}: {lowest}");
+        }
+    }
+
+    /// The inner links of the fingers came down on the edges of wide boxes, and the arm stopped.
+    #[test]
+    fn knuckles_are_beside_wide_objects_and_tips_below_their_tops() {
+        let options = GraspOptions::default();
+        for width in [0.04, 0.06, 0.08, 0.10] {
+            for height in [0.03, 0.06, 0.11] {
+                let size = [width, width + 0.01, height];
+                let item = item(ItemShape::Cuboid { size }, 0.0);
+                for grasp in grasps(&item, &options) {
+                    let hand = grasp.hand.translation.z;
+                    for counts in [grasp.open, grasp.contact] {
+                        let joints = finger_joints(f64::from(counts), 0.0);
+                        let frames = yarp_devices::hand::finger_kinematics::link_frames(
+                            yarp_devices::hand::gcl::Finger::F3,
+                            &joints,
+                        );
+                        // The inner link's middle line, where it is below the top of the object.
+                        for along in [0.0, 0.02, 0.04, 0.06, 0.07] {
+                            let place = frames[1] * nalgebra::Point3::new(along, 0.0, 0.0);
+                            let is_below = hand - place.z - 0.010 < item.top();
+                            let beside = place.y - 0.010 - width / 2.0;
+                            assert!(!is_below || beside > -0.002, "{size:?}: {beside}");
+                        }
+                    }
+                    let tip = hand - reach(f64::from(grasp.contact)).depth;
+                    assert!(tip < item.top(), "{size:?}");
+                }
+            }
+        }
     }
 
     #[test]

@@ -5,7 +5,7 @@
 //! | plan | no grasp fits, out of reach, no path | nothing has moved; the next grasp, then the next object |
 //! | pre-grasp, approach | the arm does not follow | it holds where it is; the next attempt begins there |
 //! | lift | the arm does not follow | put the object back |
-//! | transport | the arm does not follow | a new motion from where it is, once; then it holds and the object stays held |
+//! | transport | the arm does not follow | a new, slower motion from where it is, twice; then it holds and the object stays held |
 //! | grasp, verify | the fingers closed on nothing | open, back up; the object is detected again and tried once more |
 //! | transport | no free path to the container or place | put the object back where it was |
 //! | release | the hand does not open | the arm holds above the container, the object stays held |
@@ -196,9 +196,12 @@ const MIN_STRAIN: i32 = 8;
 /// Time for which the fingers settle after closing and opening, s.
 const GRIP_TIME: f64 = 0.25;
 
-/// Time for which a hand may cool down before it counts as failed, and the interval at which it is asked, s.
-const MAX_COOLING_TIME: f64 = 120.0;
-const COOLING_INTERVAL: f64 = 2.0;
+/// Time for which a hot hand rests before its command is repeated, s, and the number of rests before it counts as failed. It
+/// takes commands a little below its limit again, and one grasp would bring it there.
+const COOLING_TIME: f64 = 90.0;
+const MAX_RESTS: usize = 4;
+/// Number of motions to the place of an object, each slower than the one before, that may be blocked before the arm holds.
+const MAX_TRANSPORTS: usize = 3;
 
 /// Picks and places objects with one arm and hand.
 #[derive(Debug)]
@@ -339,18 +342,26 @@ impl<W: Workcell> Picker<W> {
             Ok(transport) => transport,
             Err(error) => return Err(self.put_back(&plan).err().unwrap_or(error)),
         };
-        let carried = self.carry(&transport.slowed(LOADED), Step::Transport);
-        if let Err(PickError::Blocked { .. }) = carried {
+        let mut carried = self.carry(&transport.slowed(LOADED), Step::Transport);
+        for transports in 1..MAX_TRANSPORTS {
+            let Err(PickError::Blocked { .. }) = carried else {
+                break;
+            };
             self.hold_here(Step::Transport)?;
             let again = self.plan_transport(item, others, &plan.grasp, container);
             let Ok((transport, other)) = again else {
                 return carried;
             };
             spot = other;
-            self.carry(&transport.slowed(LOADED), Step::Transport)?;
-        } else {
-            carried?;
+            let slower = transport.slowed(LOADED * (1 + transports) as f64);
+            carried = self.carry(&slower, Step::Transport);
         }
+        if let Err(PickError::Blocked { .. }) = carried {
+            // An object that fell may be what is in the way.
+            self.hold_here(Step::Transport)?;
+            self.check_held(item, &plan.grasp, Step::Transport)?;
+        }
+        carried?;
         self.settle(Step::Transport)?;
         self.check_held(item, &plan.grasp, Step::Transport)?;
         self.fillings[container].add(&spot, item.shape.height());
@@ -428,7 +439,9 @@ impl<W: Workcell> Picker<W> {
         self.shape_hand(&plan.grasp)?;
         let approach = self.plan_transit(item, others, &plan)?;
         self.follow(&approach, Step::PreGrasp)?;
-        self.follow(&plan.line.down, Step::Approach)?;
+        // Fingers that come down a few millimetres beside their place may land on the object.
+        self.settle(Step::PreGrasp)?;
+        self.carry(&plan.line.down, Step::Approach)?;
         self.settle(Step::Approach)?;
         let grip = match plan.grasp.contact < STEEP_CONTACT {
             true => STEEP_GRIP,
@@ -580,15 +593,15 @@ impl<W: Workcell> Picker<W> {
 
     fn hand(&mut self, step: Step, line: &str) -> Result<String, PickError> {
         self.check_stop(step)?;
-        let mut waited = 0.0;
+        let mut rests = 0;
         loop {
             match self.cell.command_hand(line) {
                 Ok(reply) => return Ok(reply),
                 // Fingers without current keep their grip.
-                Err(error) if error.is_overheated() && waited < MAX_COOLING_TIME => {
+                Err(error) if error.is_overheated() && rests < MAX_RESTS => {
                     tracing::info!(%error, %step, "waiting until the hand has cooled down");
-                    self.pause(COOLING_INTERVAL, step)?;
-                    waited += COOLING_INTERVAL;
+                    self.pause(COOLING_TIME, step)?;
+                    rests += 1;
                 }
                 Err(source) => return Err(PickError::Workcell { step, source }),
             }
