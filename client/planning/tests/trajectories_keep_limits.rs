@@ -145,6 +145,8 @@ fn a_curve_of_short_pieces_is_not_slow() {
         let slow = 2.0 * path.length() / SPEED + 2.0 * SPEED / ACCELERATION;
         let duration = trajectory.duration();
         assert!(duration < slow, "radius {radius}: {duration} s, {slow} s");
+        // Exactly: a goal may be at the limit of a joint.
+        assert_eq!(trajectory.joints_at(duration), path.goal());
         check_limits(&trajectory);
     }
 }

@@ -229,6 +229,10 @@ impl Grid {
                 grid.joints.push(joints);
             }
         }
+        // Without rounding: a goal at the limit of a joint must not be beyond it.
+        if let Some(last) = grid.joints.last_mut() {
+            *last = path.goal();
+        }
         grid
     }
 
