@@ -40,7 +40,7 @@ fn page(url: &str) -> String {
 #[test]
 fn a_table_is_tidied_in_front_of_viewers() {
     let home = Home::new();
-    let mut demo = home.start("demo tidy --objects 2 --seed 7001 --speed 3");
+    let mut demo = home.start("demo tidy --objects 2 --seed 7001 --speed 3 --detector truth");
     assert!(demo.sees_within("Live view: ", DEMO_TIMEOUT));
     let first = demo.printed()[0].clone();
     let url = first
@@ -61,7 +61,8 @@ fn a_table_is_tidied_in_front_of_viewers() {
 #[test]
 fn the_result_is_one_line_of_json_without_a_view() {
     let home = Home::new();
-    let mut demo = home.start("demo tidy --objects 2 --seed 7002 --speed 3 --json");
+    let mut demo =
+        home.start("demo tidy --objects 2 --seed 7002 --speed 3 --json --detector truth");
     assert!(demo.sees_within("\"wall_seconds\"", DEMO_TIMEOUT));
     let ended = demo.finish();
     assert_eq!(ended.out.len(), 1, "{ended:?}");
@@ -75,7 +76,7 @@ fn a_table_of_another_process_is_tidied_until_the_first_signal() {
     let table = home
         .start("table --objects 3 --seed 7003 --speed 3 --prefix /lab --no-view")
         .see("A table with 3 objects");
-    let mut demo = home.start("demo tidy --remote /lab --speed 3");
+    let mut demo = home.start("demo tidy --remote /lab --speed 3 --detector truth");
     // The task is told to viewers; its port is there once it begins.
     home.run("wait /tidy/plan:o").with(0);
     let mut viewer = home.start("read ... /tidy/plan:o");
@@ -96,7 +97,8 @@ fn a_table_of_another_process_is_tidied_until_the_first_signal() {
 fn objects_go_into_the_slots_that_another_program_commands() {
     let home = Home::new();
     // A name server as `yarp up` starts it: other programs find the table.
-    let mut demo = home.start("demo reorder --wait --objects 1 --seed 7004 --speed 3");
+    let mut demo =
+        home.start("demo reorder --wait --objects 1 --seed 7004 --speed 3 --detector truth");
     assert!(demo.sees_within("Live view: ", DEMO_TIMEOUT));
     let listed = (0..100).find_map(|_| {
         std::thread::sleep(Duration::from_millis(300));
@@ -118,4 +120,16 @@ fn objects_go_into_the_slots_that_another_program_commands() {
     assert!(demo.sees_within("\"wall_seconds\"", DEMO_TIMEOUT));
     let ended = demo.finish().with(0);
     assert_eq!(value(&ended, "placed"), "1");
+}
+
+/// The cameras are the default where the build has OpenCV.
+#[cfg(feature = "vision")]
+#[test]
+fn a_table_is_tidied_by_what_the_cameras_see() {
+    let home = Home::new();
+    let mut demo = home.start("demo tidy --objects 2 --seed 7005 --speed 2 --json");
+    assert!(demo.sees_within("\"wall_seconds\"", DEMO_TIMEOUT));
+    let ended = demo.finish();
+    assert_eq!(value(&ended, "detector"), "\"vision\"");
+    assert_eq!(value(&ended, "placed"), "2", "{ended:?}");
 }

@@ -81,11 +81,13 @@ enum Demo {
     },
 }
 
-/// Names of the detectors of this build.
+/// Names of the detectors of this build; the last one is the default.
 #[cfg(all(unix, feature = "table", not(feature = "vision")))]
 const DETECTORS: [&str; 1] = ["truth"];
 #[cfg(all(unix, feature = "table", feature = "vision"))]
 const DETECTORS: [&str; 2] = ["truth", "vision"];
+#[cfg(all(unix, feature = "table"))]
+const DEFAULT_DETECTOR: &str = DETECTORS[DETECTORS.len() - 1];
 
 #[cfg(all(unix, feature = "table"))]
 #[derive(Debug, clap::Args)]
@@ -102,8 +104,8 @@ struct TableArgs {
     /// Speed of the table relative to a real robot, 0.1 to 20
     #[arg(long, value_name = "FACTOR", default_value_t = 2.0)]
     speed: f64,
-    /// Source of the objects: `truth` asks the simulation, with noise; `vision` looks through the cameras (feature `vision`)
-    #[arg(long, value_name = "NAME", default_value = "truth", value_parser = DETECTORS)]
+    /// Source of the objects: `vision` looks through the cameras (feature `vision`); `truth` asks the simulation, with noise
+    #[arg(long, value_name = "NAME", default_value = DEFAULT_DETECTOR, value_parser = DETECTORS)]
     detector: String,
     /// Standard deviation of a detected place along x and y, mm
     #[arg(long, value_name = "MM", default_value_t = 1.0)]
