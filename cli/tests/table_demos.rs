@@ -133,3 +133,65 @@ fn a_table_is_tidied_by_what_the_cameras_see() {
     assert_eq!(value(&ended, "detector"), "\"vision\"");
     assert_eq!(value(&ended, "placed"), "2", "{ended:?}");
 }
+
+/// Returns number and height above the table, m, of the objects of a table.
+fn objects(home: &Home, truth: &str) -> Vec<(u32, f64)> {
+    let told = home.run_with(&format!("rpc {truth}"), "list\n");
+    let lists = told.out.iter().flat_map(|line| line.split('(').skip(1));
+    lists
+        .filter_map(|list| {
+            let words: Vec<&str> = list.split_whitespace().collect();
+            let id = words.first()?.parse().ok()?;
+            let z: f64 = words.get(4)?.parse().ok()?;
+            Some((id, z + 0.05))
+        })
+        .collect()
+}
+
+#[test]
+fn an_object_stays_in_the_hand_when_the_program_is_killed() {
+    let home = Home::new();
+    let server = home.serve();
+    let table = home
+        .start("table --objects 2 --seed 7006 --speed 2 --prefix /lab --no-view")
+        .see("A table with 2 objects");
+    let demo = home.start("demo tidy --remote /lab --speed 2 --detector truth");
+    home.run("wait /tidy/plan:o").with(0);
+    let mut viewer = home.start("read ... /tidy/plan:o");
+    assert!(viewer.sees_within("(phase place)", DEMO_TIMEOUT));
+    demo.kill();
+    viewer.kill();
+    let held = |height: f64| height > 0.15;
+    let before = objects(&home, "/lab/truth/rpc:i");
+    let (id, _) = *before
+        .iter()
+        .find(|(_, height)| held(*height))
+        .unwrap_or_else(|| panic!("nothing is in the hand: {before:?}"));
+    std::thread::sleep(Duration::from_secs(4));
+    let after = objects(&home, "/lab/truth/rpc:i");
+    let still = after.iter().find(|(other, _)| *other == id);
+    assert!(still.is_some_and(|(_, height)| held(*height)), "{before:?} {after:?}");
+    drop((table, server));
+}
+
+#[test]
+fn a_name_server_that_restarts_disturbs_nothing() {
+    let home = Home::new();
+    let server = home.serve();
+    let table = home
+        .start("table --objects 2 --seed 7007 --speed 3 --prefix /lab --no-view")
+        .see("A table with 2 objects");
+    let mut demo = home.start("demo tidy --remote /lab --speed 3 --detector truth");
+    home.run("wait /tidy/plan:o").with(0);
+    let mut viewer = home.start("read ... /tidy/plan:o");
+    assert!(viewer.sees_within("(phase grasp)", DEMO_TIMEOUT));
+    server.kill();
+    // The arm grasps, lifts and carries meanwhile.
+    std::thread::sleep(Duration::from_secs(2));
+    let server = home.serve();
+    assert!(demo.sees_within("\"wall_seconds\"", DEMO_TIMEOUT));
+    let ended = demo.finish().with(0);
+    assert_eq!(value(&ended, "released"), "2", "{ended:?}");
+    assert_eq!(value(&ended, "error"), "null", "{ended:?}");
+    drop((table, server, viewer));
+}

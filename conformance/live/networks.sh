@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # A name server with legs in two networks that do not know of each other: each client is told an
-# address that it can reach, and a port there transmits to groups in both. Needs root (network namespaces), and leaves nothing behind.
+# address that it can reach, a port there transmits to groups in both, and a robot there is used from one of them.
+# Needs root (network namespaces), and leaves nothing behind.
 #
 #   networks.sh OUR_YARP [WITH_STOCK]     WITH_STOCK runs stock's tools
 set -euo pipefail
@@ -64,11 +65,11 @@ cable() {
 cable toleft 10.71.1.1 "$left" 10.71.1.2
 cable toright 10.71.2.1 "$right" 10.71.2.2
 
-# A command in one of the networks, configured for the server's leg there.
+# A command in one of the networks, configured for the server's leg there; ends after $patience seconds.
 run() {
     local space=$1
     shift
-    timeout 20 ip netns exec "$space" env YARP_CONFIG_HOME="$work/$space" \
+    timeout "${patience:-20}" ip netns exec "$space" env YARP_CONFIG_HOME="$work/$space" \
         YARP_DATA_HOME="$work/$space" "$@"
 }
 # The same in the background, until the end; reads $input, if that is set.
@@ -153,6 +154,14 @@ for tool in "${tools[@]}"; do
     fi
     exec 3>&-
 done
+
+# Arm, hand and sensors on one host, the program that tidies their table on another. Only a build with the simulated table has both.
+if "$ours" demo tidy --help >/dev/null 2>&1; then
+    start "$server" env YARP_BIND=0.0.0.0 "$ours" table --objects 1 --seed 7001 --speed 3 --prefix /lab --no-view
+    until_ok run "$left" "$ours" exists /lab/truth/rpc:i
+    patience=120 says "a table of another host is tidied" '"released":1' \
+        run "$left" "$ours" demo tidy --remote /lab --speed 3 --detector truth --json
+fi
 
 if [ $failed != 0 ]; then
     echo "$failed checks failed"

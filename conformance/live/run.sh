@@ -112,6 +112,11 @@ try_programs() {
             --stock-yarp "$STOCK/bin/yarp" --our-yarp "$ours" --server "$server"
     done
 
+    # Only a build with the simulated table has it, as `make test` makes.
+    if "$ours" demo reorder --help >/dev/null 2>&1; then
+        suite "objects into slots, commanded by stock's Python" "$with_stock" "$python" conformance/live/reordering.py "$ours"
+    fi
+
     suite "several name servers at once" "$python" conformance/live/namespaces.py \
         --stock-yarp "$STOCK/bin/yarp" --our-yarp "$ours"
     # Two networks, one server: what needs to make networks needs root.

@@ -4,7 +4,7 @@
     yarp demo reorder --wait --objects 4 &
     python3 demos/python/reorder_client.py
 
-Needs the module `yarp` of stock YARP and a name server that both use. The demo ends when all objects are in their slots.
+Needs the module `yarp` of stock YARP. The demo starts a name server where the configuration says, unless one answers there. The demo ends when all objects are in their slots.
 """
 
 import sys
@@ -19,7 +19,7 @@ PATIENCE = 30
 
 
 def call(port, *words):
-    """Sends words and numbers; returns the items of the reply, or ends with the reason of a refusal."""
+    """Sends words and numbers; returns the reply, or ends with the reason of a refusal."""
     request, reply = yarp.Bottle(), yarp.Bottle()
     for word in words:
         if isinstance(word, int):
@@ -30,7 +30,7 @@ def call(port, *words):
         raise SystemExit(f"{ORDERS} did not answer {request.toString()}")
     if reply.get(0).asString() == "fail":
         raise SystemExit(f"{request.toString()}: {reply.get(1).asString()}")
-    return [reply.get(index).asList() for index in range(1, reply.size())]
+    return reply
 
 
 def main():
@@ -45,10 +45,12 @@ def main():
         time.sleep(0.5)
     objects = []
     while not objects and time.monotonic() < deadline:
-        objects = call(port, "list")
+        # Lists are parts of the reply: what is needed of them is copied while it is there.
+        reply = call(port, "list")
+        items = [reply.get(index).asList() for index in range(1, reply.size())]
+        objects = [(item.get(0).asInt32(), item.get(1).asString()) for item in items]
         time.sleep(0.2)
-    for slot, item in enumerate(reversed(objects)):
-        number, label = item.get(0).asInt32(), item.get(1).asString()
+    for slot, (number, label) in enumerate(reversed(objects)):
         print(f"object {number}, a {label}, into slot {slot}")
         call(port, "put", number, slot)
     call(port, "quit")

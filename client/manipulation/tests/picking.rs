@@ -3,15 +3,17 @@
 mod support;
 
 use std::collections::VecDeque;
+use std::sync::{Arc, Mutex};
 
 use nalgebra::Vector3;
-use support::{Shared, SimulatedCell, item, shared};
+use support::{Shared, SimulatedCell, Truth, item, shared};
 use yarp_devices::kinematics::Joints;
 use yarp_devices::{Axes, Mode};
 use yarp_manipulation::{
-    Item, PickError, Picker, PickerOptions, Step, Stop, Surroundings, Workcell, WorkcellError,
+    Item, PickError, Picker, PickerOptions, Step, Stop, Surroundings, TaskEvent, TidyOptions, Workcell,
+    WorkcellError, tidy,
 };
-use yarp_table::{Finish, Scene, Shape, SimulationOptions, arm_model};
+use yarp_table::{Finish, Random, Scene, Shape, SimulationOptions, arm_model};
 
 fn table(shape: Shape, x: f64, y: f64) -> (Shared, Picker<SimulatedCell>, Item) {
     let mut scene = Scene::empty();
@@ -325,7 +327,8 @@ fn a_device_that_fails_leaves_the_object_in_the_hand() {
 struct Deaf<F> {
     cell: SimulatedCell,
     hears: F,
-    held: bool,
+    /// Number of times that it must be told.
+    holds: usize,
     /// Number of set points by which it is late, and those that are on their way.
     delay: usize,
     late: VecDeque<Joints<7>>,
@@ -340,7 +343,7 @@ impl<F: FnMut(&Shared) -> bool> Workcell for Deaf<F> {
     }
     fn command(&mut self, joints: &Joints<7>) -> Result<(), WorkcellError> {
         self.late.push_back(*joints);
-        let heard = self.held || (self.hears)(&self.cell.0);
+        let heard = self.holds == 0 || (self.hears)(&self.cell.0);
         match (self.late.len() > self.delay).then(|| self.late.pop_front()) {
             Some(Some(joints)) if heard => self.cell.command(&joints),
             _ => Ok(()),
@@ -356,7 +359,7 @@ impl<F: FnMut(&Shared) -> bool> Workcell for Deaf<F> {
         self.cell.fingers()
     }
     fn hold(&mut self) -> Result<(), WorkcellError> {
-        self.held = true;
+        self.holds = self.holds.saturating_sub(1);
         self.cell.hold()
     }
 }
@@ -364,6 +367,10 @@ impl<F: FnMut(&Shared) -> bool> Workcell for Deaf<F> {
 type DeafPicker<F> = (Shared, Picker<Deaf<F>>, Item);
 
 fn deaf<F: FnMut(&Shared) -> bool>(delay: usize, hears: F) -> DeafPicker<F> {
+    deaf_until(1, delay, hears)
+}
+
+fn deaf_until<F: FnMut(&Shared) -> bool>(holds: usize, delay: usize, hears: F) -> DeafPicker<F> {
     let shape = Shape::Box {
         size: [0.06, 0.09, 0.08],
     };
@@ -371,7 +378,7 @@ fn deaf<F: FnMut(&Shared) -> bool>(delay: usize, hears: F) -> DeafPicker<F> {
     let cell = Deaf {
         cell: SimulatedCell(table.clone()),
         hears,
-        held: false,
+        holds,
         delay,
         late: VecDeque::new(),
     };
@@ -500,4 +507,99 @@ fn a_hand_that_stays_hot_is_an_error_that_says_so() {
     let error = picker.pick_and_place(&item, &[], 0, 0).unwrap_err();
     assert!(error.to_string().contains("over-temperature"), "{error}");
     assert!(height(&table) > -0.05, "{}", height(&table));
+}
+
+/// Returns whether the object is beside the place where it stood: on its way to the container.
+fn is_under_way(table: &Shared) -> bool {
+    let table = table.borrow();
+    let place = table.simulation.scene().objects[0].pose.translation;
+    place.z > 0.05 && (place.x - 0.55).hypot(place.y - 0.05) > 0.1
+}
+
+#[test]
+fn a_transport_that_is_blocked_twice_is_tried_a_third_time() {
+    let (table, mut picker, item) = deaf_until(2, 0, |table: &Shared| !is_under_way(table));
+    let placed = picker.pick_and_place(&item, &[], 0, 0);
+    placed.expect("it is placed");
+    table.borrow_mut().step(1.0);
+    let table = table.borrow();
+    let scene = table.simulation.scene();
+    let place = scene.objects[0].pose.translation.vector;
+    assert!(scene.baskets[0].contains(&place), "{place}");
+}
+
+#[test]
+fn an_object_stays_held_when_its_transport_stays_blocked() {
+    let (table, mut picker, item) = deaf_until(9, 0, |table: &Shared| !is_under_way(table));
+    let error = picker.pick_and_place(&item, &[], 0, 0).unwrap_err();
+    let step = Step::Transport;
+    assert!(
+        matches!(error, PickError::Blocked { step: at, .. } if at == step),
+        "{error}"
+    );
+    table.borrow_mut().step(1.0);
+    assert!(height(&table) > 0.05, "{}", height(&table));
+}
+
+/// What fell out of the hand may be what blocks the arm: it was reported as held, and the run ended.
+#[test]
+fn an_object_that_is_gone_when_its_transport_is_blocked_is_lost() {
+    let mut gone = false;
+    let (_table, mut picker, item) = deaf_until(9, 0, move |table: &Shared| {
+        if !gone && is_under_way(table) {
+            gone = true;
+            let mut table = table.borrow_mut();
+            table.simulation.place(0, yarp_devices::kinematics::Pose::translation(0.8, 0.3, 0.0));
+        }
+        !gone
+    });
+    let error = picker.pick_and_place(&item, &[], 0, 0).unwrap_err();
+    let step = Step::Transport;
+    assert!(matches!(error, PickError::Lost { step: at, .. } if at == step), "{error}");
+}
+
+#[test]
+fn a_task_tells_what_it_does() {
+    let size = [0.06, 0.09, 0.08];
+    let (table, mut picker, _) = table(Shape::Box { size }, 0.55, 0.05);
+    let told: Arc<Mutex<Vec<String>>> = Arc::default();
+    let telling = Arc::clone(&told);
+    picker.observe(move |event| {
+        let text = match event {
+            TaskEvent::Detected { items } => format!("detected {}", items.len()),
+            TaskEvent::Progress { done, all } => format!("{done} of {all}"),
+            TaskEvent::Chosen { item, destination } => format!("{} to {destination}", item.label),
+            TaskEvent::Step { step, path } => match path.is_empty() {
+                true => format!("{step}, resting"),
+                false => format!("{step}, moving"),
+            },
+            TaskEvent::Ended { stopped, error } => format!("ended {stopped} {error:?}"),
+            other => format!("{other:?}"),
+        };
+        telling.lock().unwrap().push(text);
+    });
+    let mut detector = Truth {
+        table,
+        random: Random::for_purpose(1, 7),
+        noise: 0.0,
+    };
+    let report = tidy(&mut picker, &mut detector, &TidyOptions::default());
+    assert_eq!(report.released, 1);
+    let mut told = told.lock().unwrap().clone();
+    told.dedup();
+    let expected = [
+        "detected 1",
+        "0 of 1",
+        "box to the basket of polygons",
+        "plan, resting",
+        "pre-grasp, moving",
+        "approach, moving",
+        "grasp, resting",
+        "lift, moving",
+        "transport, moving",
+        "detected 0",
+        "1 of 1",
+    ];
+    assert_eq!(told[..expected.len()], expected);
+    assert_eq!(told.last().unwrap(), "ended false None");
 }

@@ -33,7 +33,7 @@ struct State {
     orders: SlotOrders,
     /// Label and place of each object, as last detected.
     seen: BTreeMap<u32, (String, [f64; 2])>,
-    /// An order came, or the end, that nobody has looked at yet.
+    /// An order came that nobody has looked at yet.
     is_new: bool,
     quits: bool,
 }
@@ -59,14 +59,24 @@ impl Shared {
                 Err(reason) => bottle!["fail", reason.as_str()],
             },
             Some("quit") => {
-                let mut state = self.state();
-                (state.quits, state.is_new) = (true, true);
+                self.state().quits = true;
                 self.changed.notify_all();
                 bottle!["ok"]
             }
             Some("help") => bottle!["is", HELP],
             _ => bottle!["fail", "expected list, slots, put ID SLOT, quit or help"],
         }
+    }
+
+    /// Waits for orders; returns whether there are any that nobody has looked at yet. Those that came before the end was
+    /// commanded are carried out.
+    fn wait(&self, stop: &Stop) -> bool {
+        let mut state = self.state();
+        while !state.is_new && !state.quits && stop.request() == StopRequest::None {
+            let waited = self.changed.wait_timeout(state, STOP_INTERVAL);
+            state = waited.unwrap_or_else(PoisonError::into_inner).0;
+        }
+        state.is_new
     }
 
     fn list(&self) -> Bottle {
@@ -168,15 +178,7 @@ impl SlotCommander for PortOrders {
     }
 
     fn wait(&mut self) -> bool {
-        if !self.waits {
-            return false;
-        }
-        let mut state = self.shared.state();
-        while !state.is_new && !state.quits && self.stop.request() == StopRequest::None {
-            let waited = self.shared.changed.wait_timeout(state, STOP_INTERVAL);
-            state = waited.unwrap_or_else(PoisonError::into_inner).0;
-        }
-        state.is_new && !state.quits
+        self.waits && self.shared.wait(&self.stop)
     }
 }
 
@@ -200,6 +202,17 @@ mod tests {
     fn reply(shared: &Shared, request: &str) -> String {
         let request: Bottle = request.parse().unwrap();
         shared.reply(&request).to_string()
+    }
+
+    #[test]
+    fn orders_that_came_before_the_end_are_carried_out() {
+        let shared = shared();
+        let stop = Stop::default();
+        assert_eq!(reply(&shared, "put 7 2"), "ok");
+        assert_eq!(reply(&shared, "quit"), "ok");
+        assert!(shared.wait(&stop));
+        shared.state().is_new = false;
+        assert!(!shared.wait(&stop));
     }
 
     #[test]
