@@ -170,7 +170,10 @@ fn an_object_stays_in_the_hand_when_the_program_is_killed() {
     std::thread::sleep(Duration::from_secs(4));
     let after = objects(&home, "/lab/truth/rpc:i");
     let still = after.iter().find(|(other, _)| *other == id);
-    assert!(still.is_some_and(|(_, height)| held(*height)), "{before:?} {after:?}");
+    assert!(
+        still.is_some_and(|(_, height)| held(*height)),
+        "{before:?} {after:?}"
+    );
     drop((table, server));
 }
 

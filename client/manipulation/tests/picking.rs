@@ -10,8 +10,8 @@ use support::{Shared, SimulatedCell, Truth, item, shared};
 use yarp_devices::kinematics::Joints;
 use yarp_devices::{Axes, Mode};
 use yarp_manipulation::{
-    Item, PickError, Picker, PickerOptions, Step, Stop, Surroundings, TaskEvent, TidyOptions, Workcell,
-    WorkcellError, tidy,
+    Item, PickError, Picker, PickerOptions, Step, Stop, Surroundings, TaskEvent, TidyOptions,
+    Workcell, WorkcellError, tidy,
 };
 use yarp_table::{Finish, Random, Scene, Shape, SimulationOptions, arm_model};
 
@@ -549,13 +549,19 @@ fn an_object_that_is_gone_when_its_transport_is_blocked_is_lost() {
         if !gone && is_under_way(table) {
             gone = true;
             let mut table = table.borrow_mut();
-            table.simulation.place(0, yarp_devices::kinematics::Pose::translation(0.8, 0.3, 0.0));
+            table.simulation.place(
+                0,
+                yarp_devices::kinematics::Pose::translation(0.8, 0.3, 0.0),
+            );
         }
         !gone
     });
     let error = picker.pick_and_place(&item, &[], 0, 0).unwrap_err();
     let step = Step::Transport;
-    assert!(matches!(error, PickError::Lost { step: at, .. } if at == step), "{error}");
+    assert!(
+        matches!(error, PickError::Lost { step: at, .. } if at == step),
+        "{error}"
+    );
 }
 
 #[test]

@@ -39,7 +39,7 @@ const PALM_DEPTH: f64 = 0.078;
 
 /// Height of an object from which on the fingertips keep more distance from the table, and how much more, m.
 const HIGH: f64 = 0.04;
-const HIGH_CLEARANCE: f64 = 0.004;
+const HIGH_CLEARANCE: f64 = 0.006;
 
 /// Smallest distance of the open fingers from the side of an object, m, and the part of the object that their inner links may
 /// overlap at the contact, which is that of the tips.
@@ -58,7 +58,7 @@ pub struct GraspOptions {
     /// Height of the table's surface, m.
     pub surface: f64,
     /// Distance of the fingertips from the table at their lowest point, m; 2 mm by default. For objects that are high enough
-    /// it is 6 mm: a heavy one pulls the arm down while it is squeezed.
+    /// it is 8 mm: a heavy one pulls the arm down while it is squeezed.
     pub table_clearance: f64,
     /// Distance of the palm from the top of the object, m; 12 mm by default.
     pub palm_clearance: f64,
@@ -293,7 +293,7 @@ mod tests {
 
     #[test]
     fn fingertips_stay_above_the_table() {
-        for (height, clearance) in [(0.03, 0.002), (0.063, 0.006)] {
+        for (height, clearance) in [(0.03, 0.002), (0.063, 0.008)] {
             let size = [0.06, 0.09, height];
             let item = item(ItemShape::Cuboid { size }, 0.0);
             let grasp = &grasps(&item, &GraspOptions::default())[0];

@@ -8,10 +8,10 @@ use rapier3d::math::Vector;
 use rapier3d::prelude::PhysicsWorld;
 
 use super::STEP;
-use super::bodies::tag;
 
-/// Part of the angular velocity across its axis that a cylinder loses in a second while it touches something else than the
-/// robot: what stops a glass within a second or two. A glass that rolls on its side turns about its axis, and keeps on.
+/// Part of the angular velocity across its axis that a cylinder loses in a second while it touches anything: what stops a
+/// glass within a second or two, and little beside the forces of a hand. A glass that rolls on its side turns about its axis,
+/// and keeps on.
 const RESISTANCE: f32 = 4.0;
 
 /// Slows cylinders that roll on a rim.
@@ -22,9 +22,6 @@ pub(super) fn resist(world: &mut PhysicsWorld) {
             continue;
         }
         let sides = [pair.collider1, pair.collider2].map(|side| &world.colliders[side]);
-        if sides.iter().any(|side| is_robot(side.user_data)) {
-            continue;
-        }
         let cylinders = sides
             .iter()
             .filter(|side| side.shape().as_cylinder().is_some());
@@ -42,8 +39,4 @@ pub(super) fn resist(world: &mut PhysicsWorld) {
         let kept = 1.0 - RESISTANCE * STEP.as_secs_f32();
         body.set_angvel(along + (turn - along) * kept, false);
     }
-}
-
-fn is_robot(tag: u128) -> bool {
-    (tag::ROBOT..tag::OBJECT).contains(&tag)
 }
