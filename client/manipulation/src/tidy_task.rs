@@ -151,6 +151,39 @@ fn look<W: Workcell>(
     Ok(items)
 }
 
+/// Returns whether the arm has not moved before this error.
+fn moves_nothing(error: &PickError) -> bool {
+    match error {
+        PickError::NoGrasp { .. } | PickError::Unreachable { .. } => true,
+        PickError::Plan { step, .. } => *step == Step::PreGrasp,
+        _ => false,
+    }
+}
+
+/// Tries to bring an object into its container, and counts that if the arm moved. `first` skips grasps.
+fn attempt<W: Workcell>(
+    picker: &mut Picker<W>,
+    item: &Item,
+    items: &[Item],
+    first: usize,
+    report: &mut TidyReport,
+) -> Result<(), PickError> {
+    let others = items.iter().filter(|other| other.id != item.id);
+    let others: Vec<Item> = others.cloned().collect();
+    let (container, destination) = container_of(item.class);
+    picker.notify(&TaskEvent::Chosen { item, destination });
+    let outcome = picker.pick_and_place(item, &others, container, first);
+    if let Err(error) = &outcome {
+        let reason = &error.to_string();
+        picker.notify(&TaskEvent::Failed { reason });
+    }
+    if !outcome.as_ref().is_err_and(moves_nothing) {
+        report.attempts += 1;
+        report.log.push((item.id, outcome.is_ok()));
+    }
+    outcome
+}
+
 fn run<W: Workcell>(
     picker: &mut Picker<W>,
     detector: &mut dyn Detector,
@@ -178,42 +211,19 @@ fn run<W: Workcell>(
                 report.left.push((item.label.clone(), why));
                 continue;
             }
-            let others: Vec<Item> = items
-                .iter()
-                .filter(|other| other.id != item.id)
-                .cloned()
-                .collect();
-            let (container, destination) = container_of(item.class);
-            picker.notify(&TaskEvent::Chosen { item, destination });
-            let outcome = picker.pick_and_place(item, &others, container, before);
-            if let Err(error) = &outcome {
-                let reason = &error.to_string();
-                picker.notify(&TaskEvent::Failed { reason });
-            }
-            match outcome {
+            match attempt(picker, item, &items, before, report) {
                 Ok(()) => {
-                    report.attempts += 1;
                     report.released += 1;
-                    report.log.push((item.id, true));
                     progress = true;
                     blocked = 0;
                 }
-                // The arm has not moved: perhaps another object is in the way, or the place where it is now.
-                Err(
-                    error @ (PickError::NoGrasp { .. }
-                    | PickError::Unreachable { .. }
-                    | PickError::Plan {
-                        step: Step::PreGrasp,
-                        ..
-                    }),
-                ) => {
+                // Perhaps another object is in the way, or the place where the arm is now.
+                Err(error) if moves_nothing(&error) => {
                     tracing::info!(%error, "skipped");
                     report.left.push((item.label.clone(), error.to_string()));
                     continue;
                 }
                 Err(PickError::Stopped { .. }) => {
-                    report.attempts += 1;
-                    report.log.push((item.id, false));
                     report.stopped = true;
                     return Ok(());
                 }
@@ -224,8 +234,6 @@ fn run<W: Workcell>(
                     | PickError::Blocked { .. }),
                 ) if may_go_on(&error, blocked) => {
                     tracing::info!(%error, "the attempt failed");
-                    report.attempts += 1;
-                    report.log.push((item.id, false));
                     report.missed += usize::from(matches!(error, PickError::Missed { .. }));
                     blocked = match error {
                         PickError::Blocked { .. } => blocked + 1,
@@ -236,11 +244,7 @@ fn run<W: Workcell>(
                     entry.why = error.to_string();
                     progress = true;
                 }
-                Err(error) => {
-                    report.attempts += 1;
-                    report.log.push((item.id, false));
-                    return Err(TidyError::Pick(error));
-                }
+                Err(error) => return Err(TidyError::Pick(error)),
             }
             break;
         }
@@ -260,6 +264,20 @@ fn run<W: Workcell>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::picker::PlanFailure;
+
+    /// It counted as an attempt, and an object was left when the arm stood where no path began.
+    #[test]
+    fn no_path_to_an_object_moves_nothing_and_none_with_it_does() {
+        let plan = |step| PickError::Plan {
+            step,
+            source: PlanFailure::NoLine,
+        };
+        assert!(moves_nothing(&plan(Step::PreGrasp)));
+        assert!(!moves_nothing(&plan(Step::Transport)));
+        let item = "box".to_owned();
+        assert!(!moves_nothing(&PickError::Missed { item }));
+    }
 
     #[test]
     fn a_blocked_arm_ends_the_run_if_it_holds_something_or_stays_blocked() {

@@ -49,9 +49,11 @@ impl RemoteVision {
             Ok(RemoteImages::new(camera, STREAM_TIMEOUT))
         };
         let setup = table_setup();
-        let mut parameters = DetectorParameters::default();
-        // The camera sees less of the table than the arm reaches.
-        parameters.beyond_image = true;
+        let parameters = DetectorParameters {
+            // The camera sees less of the table than the arm reaches.
+            beyond_image: true,
+            ..DetectorParameters::default()
+        };
         Ok(Self {
             colour: images(&names[0])?,
             depth: images(&names[1])?,
