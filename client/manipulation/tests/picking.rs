@@ -49,6 +49,13 @@ fn check_placed(shape: Shape, container: usize) {
     assert_eq!(table.touched, 0, "the robot touched table or baskets");
 }
 
+/// The inner links of the open fingers came down on its edges, and the arm stopped.
+#[test]
+fn a_wide_box_is_placed() {
+    let size = [0.1, 0.108, 0.107];
+    check_placed(Shape::Box { size }, 0);
+}
+
 #[test]
 fn a_box_is_placed() {
     check_placed(
