@@ -9,7 +9,7 @@ use std::net::TcpStream;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use common::{Ended, Home};
+use common::{Ended, Home, Running};
 
 /// Longer than a demo with few objects takes on a busy machine.
 const DEMO_TIMEOUT: Duration = Duration::from_secs(240);
@@ -42,6 +42,39 @@ fn page(url: &str) -> String {
     let mut answer = String::new();
     stream.read_to_string(&mut answer).unwrap();
     answer
+}
+
+/// A name server, a table, a program that tidies it, and a reader of its plan, each in a process of its own.
+struct Lab {
+    server: Running,
+    table: Running,
+    demo: Running,
+    viewer: Running,
+}
+
+impl Lab {
+    /// Starts a table with this number of objects, seed and speed, and returns in this phase of the first plan.
+    fn until(home: &Home, [objects, seed, speed]: [u32; 3], phase: &str) -> Self {
+        let server = home.serve();
+        let table = home
+            .start(&format!(
+                "table --objects {objects} --seed {seed} --speed {speed} --prefix /lab --no-view"
+            ))
+            .see(&format!("A table with {objects} objects"));
+        let demo = home.start(&format!(
+            "demo tidy --remote /lab --speed {speed} --detector truth"
+        ));
+        // The port is there once the task begins.
+        home.run("wait /tidy/plan:o").with(0);
+        let mut viewer = home.start("read ... /tidy/plan:o");
+        assert!(viewer.sees_within(phase, DEMO_TIMEOUT));
+        Self {
+            server,
+            table,
+            demo,
+            viewer,
+        }
+    }
 }
 
 #[test]
@@ -82,15 +115,12 @@ fn the_result_is_one_line_of_json_without_a_view() {
 fn a_table_of_another_process_is_tidied_until_the_first_signal() {
     let _turn = turn();
     let home = Home::new();
-    let server = home.serve();
-    let table = home
-        .start("table --objects 3 --seed 7003 --speed 3 --prefix /lab --no-view")
-        .see("A table with 3 objects");
-    let mut demo = home.start("demo tidy --remote /lab --speed 3 --detector truth");
-    // The task is told to viewers; its port is there once it begins.
-    home.run("wait /tidy/plan:o").with(0);
-    let mut viewer = home.start("read ... /tidy/plan:o");
-    assert!(viewer.sees_within("(phase lift)", DEMO_TIMEOUT));
+    let Lab {
+        server,
+        table,
+        mut demo,
+        viewer,
+    } = Lab::until(&home, [3, 7003, 3], "(phase lift)");
     let told = viewer.printed().join(" ");
     assert!(told.contains("into the basket of"), "{told}");
     viewer.kill();
@@ -164,14 +194,12 @@ fn objects(home: &Home, truth: &str) -> Vec<(u32, f64)> {
 fn an_object_stays_in_the_hand_when_the_program_is_killed() {
     let _turn = turn();
     let home = Home::new();
-    let server = home.serve();
-    let table = home
-        .start("table --objects 1 --seed 7006 --speed 2 --prefix /lab --no-view")
-        .see("A table with 1 objects");
-    let demo = home.start("demo tidy --remote /lab --speed 2 --detector truth");
-    home.run("wait /tidy/plan:o").with(0);
-    let mut viewer = home.start("read ... /tidy/plan:o");
-    assert!(viewer.sees_within("(phase place)", DEMO_TIMEOUT));
+    let Lab {
+        server,
+        table,
+        demo,
+        viewer,
+    } = Lab::until(&home, [1, 7006, 2], "(phase place)");
     demo.kill();
     viewer.kill();
     let held = |height: f64| height > 0.15;
@@ -194,14 +222,12 @@ fn an_object_stays_in_the_hand_when_the_program_is_killed() {
 fn a_name_server_that_restarts_disturbs_nothing() {
     let _turn = turn();
     let home = Home::new();
-    let server = home.serve();
-    let table = home
-        .start("table --objects 1 --seed 7007 --speed 3 --prefix /lab --no-view")
-        .see("A table with 1 objects");
-    let mut demo = home.start("demo tidy --remote /lab --speed 3 --detector truth");
-    home.run("wait /tidy/plan:o").with(0);
-    let mut viewer = home.start("read ... /tidy/plan:o");
-    assert!(viewer.sees_within("(phase grasp)", DEMO_TIMEOUT));
+    let Lab {
+        server,
+        table,
+        mut demo,
+        viewer,
+    } = Lab::until(&home, [1, 7007, 3], "(phase grasp)");
     server.kill();
     // The arm grasps, lifts and carries meanwhile.
     std::thread::sleep(Duration::from_secs(2));

@@ -10,6 +10,7 @@ import os
 import subprocess
 import sys
 import tempfile
+import time
 
 from checks import check, leave
 
@@ -29,7 +30,7 @@ def main():
         try:
             # The client waits for the name server and the demo itself, but not for the file that tells where the former is.
             while not os.path.exists(os.path.join(home, "yarp.conf")) and demo.poll() is None:
-                pass
+                time.sleep(0.1)
             client = subprocess.run([sys.executable, CLIENT], env=environment, capture_output=True, text=True, timeout=PATIENCE, check=False)
             check("the client with stock's bindings commands both objects", client.returncode == 0 and client.stdout.count(" into slot ") == 2 and "a , into" not in client.stdout,
                   client.stdout + client.stderr)

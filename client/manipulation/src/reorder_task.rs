@@ -133,11 +133,8 @@ pub fn reorder<W: Workcell>(
     if let Err(error) = run(picker, detector, commander, options, &mut report) {
         report.error = Some(error);
     }
-    let error = report.error.as_ref().map(ToString::to_string);
-    picker.notify(&TaskEvent::Ended {
-        stopped: report.stopped,
-        error: error.as_deref(),
-    });
+    let error = report.error.as_ref().map(|error| error as _);
+    picker.notify_end(report.stopped, error);
     report
 }
 
@@ -251,10 +248,6 @@ fn carry_out<W: Workcell>(
         destination: &destination,
     });
     let outcome = picker.pick_and_set_down(item, &others, next.place, 0);
-    if let Err(error) = &outcome {
-        let reason = &error.to_string();
-        picker.notify(&TaskEvent::Failed { reason });
-    }
     let attempt = match &outcome {
         Ok(()) => Attempt::SetDown,
         Err(PickError::NoGrasp { .. } | PickError::Unreachable { .. }) => Attempt::NothingMoved,

@@ -102,11 +102,8 @@ pub fn tidy<W: Workcell>(
     if let Err(error) = run(picker, detector, options, &mut report) {
         report.error = Some(error);
     }
-    let error = report.error.as_ref().map(ToString::to_string);
-    picker.notify(&TaskEvent::Ended {
-        stopped: report.stopped,
-        error: error.as_deref(),
-    });
+    let error = report.error.as_ref().map(|error| error as _);
+    picker.notify_end(report.stopped, error);
     report
 }
 
@@ -173,10 +170,6 @@ fn attempt<W: Workcell>(
     let (container, destination) = container_of(item.class);
     picker.notify(&TaskEvent::Chosen { item, destination });
     let outcome = picker.pick_and_place(item, &others, container, first);
-    if let Err(error) = &outcome {
-        let reason = &error.to_string();
-        picker.notify(&TaskEvent::Failed { reason });
-    }
     if !outcome.as_ref().is_err_and(moves_nothing) {
         report.attempts += 1;
         report.log.push((item.id, outcome.is_ok()));

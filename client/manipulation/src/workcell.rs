@@ -1,7 +1,9 @@
 //! The calls of arm and hand that the steps of a manipulation need.
 
 use nalgebra::Point3;
+use yarp_client::ports::error_chain;
 use yarp_devices::DeviceError;
+use yarp_devices::hand::gcl::Status;
 use yarp_devices::kinematics::Joints;
 
 /// An error of a call.
@@ -19,16 +21,10 @@ pub struct WorkcellError {
 impl WorkcellError {
     /// Returns whether a hand refused a command because its motors are hot; it takes commands again when they have cooled.
     pub fn is_overheated(&self) -> bool {
-        let mut cause: Option<&dyn std::error::Error> = Some(&*self.source);
-        let hot = yarp_devices::hand::gcl::Status::OVER_TEMPERATURE.to_string();
+        let hot = Status::OVER_TEMPERATURE.to_string();
+        // Without its number, which is that of several errors at once.
         let word = hot.split(" (").next().unwrap_or_default();
-        while let Some(error) = cause {
-            if error.to_string().contains(word) {
-                return true;
-            }
-            cause = error.source();
-        }
-        false
+        error_chain(&*self.source).contains(word)
     }
 }
 

@@ -6,7 +6,9 @@ use std::time::Instant;
 use serde_json::Value;
 use yarp_client::ports::blocking::wait;
 use yarp_client::{Hand, Network, Robot};
-use yarp_manipulation::{Detector, Picker, PickerOptions, RemoteWorkcell, Stop, Surroundings};
+use yarp_manipulation::{
+    Detector, Picker, PickerOptions, RemoteWorkcell, Stop, Surroundings, Workcell,
+};
 use yarp_nameserver::{Server, ServerOptions};
 use yarp_table::{LiveOptions, LiveTable, Placement, Scene, arm_model};
 use yarp_view::{LogLines, View};
@@ -184,10 +186,17 @@ fn open_view(
     }
 }
 
-/// Opens the ports that show a task in the live view; without them the task runs all the same.
-pub(super) fn open_display(network: &Network, name: &str) -> Option<TaskDisplay> {
+/// Shows what a picker does in live views until the display is dropped; the task runs without it all the same.
+pub(super) fn show_task<W: Workcell>(
+    picker: &mut Picker<W>,
+    network: &Network,
+    name: &str,
+) -> Option<TaskDisplay> {
     match TaskDisplay::open(network, name) {
-        Ok(display) => Some(display),
+        Ok(display) => {
+            picker.observe(display.observer());
+            Some(display)
+        }
         Err(error) => {
             tracing::warn!(
                 error = yarp_client::ports::error_chain(&error),

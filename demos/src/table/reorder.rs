@@ -7,7 +7,7 @@ use yarp_client::Network;
 use yarp_manipulation::{ReorderOptions, ReorderReport, SlotGrid, SlotOrders, Stop, reorder};
 use yarp_table::{Class, Placement};
 
-use super::demo_session::{TableEnd, connect, open_display, with_table, write_result};
+use super::demo_session::{TableEnd, connect, show_task, with_table, write_result};
 use super::slot_orders::PortOrders;
 use super::{TableDemoError, TableDemoOptions, TablePlace};
 use crate::DemoError;
@@ -132,10 +132,7 @@ fn reorder_on(
     let task = ReorderOptions::default();
     let mut orders = PortOrders::open(network, ORDERS_PORT, task.grid, waits, stop.clone())?;
     let (mut picker, mut detector) = connect(network, prefix, options, stop)?;
-    let display = open_display(network, NAME);
-    if let Some(display) = &display {
-        picker.observe(display.observer());
-    }
+    let _display = show_task(&mut picker, network, NAME);
     let report = reorder(&mut picker, detector.as_mut(), &mut orders, &task);
     Ok((report, orders.in_force()))
 }

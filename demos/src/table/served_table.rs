@@ -1,6 +1,5 @@
 //! A simulated table on the network.
 
-use std::future::Future;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -147,7 +146,7 @@ impl ServedTable {
     }
 
     /// Closes all ports and ends the table.
-    pub fn close(self) -> impl Future<Output = ()> + Send {
+    pub async fn close(self) {
         let Self {
             table,
             arm,
@@ -158,22 +157,20 @@ impl ServedTable {
             publisher,
             truth,
         } = self;
-        async move {
-            publisher.abort();
-            // It has been aborted.
-            let _ = publisher.await;
-            // The publisher has ended, so nobody else holds it.
-            if let Ok(scene) = Arc::try_unwrap(scene) {
-                scene.close().await;
-            }
-            for camera in cameras {
-                camera.close().await;
-            }
-            grasps.close().await;
-            hand.close().await;
-            arm.close().await;
-            // Waits for threads, which is no work for the executor.
-            let _ = spawn_blocking(move || drop((truth, table))).await;
+        publisher.abort();
+        // It has been aborted.
+        let _ = publisher.await;
+        // The publisher has ended, so nobody else holds it.
+        if let Ok(scene) = Arc::try_unwrap(scene) {
+            scene.close().await;
         }
+        for camera in cameras {
+            camera.close().await;
+        }
+        grasps.close().await;
+        hand.close().await;
+        arm.close().await;
+        // Waits for threads, which is no work for the executor.
+        let _ = spawn_blocking(move || drop((truth, table))).await;
     }
 }

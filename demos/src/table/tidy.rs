@@ -9,7 +9,7 @@ use yarp_table::{Class, Placement, Scene};
 
 pub use yarp_manipulation::Stop;
 
-use super::demo_session::{connect, open_display, with_table, write_result};
+use super::demo_session::{connect, show_task, with_table, write_result};
 use super::{RemoteTruth, TableDemoError, TableDemoOptions, TablePlace};
 use crate::DemoError;
 
@@ -172,10 +172,7 @@ fn tidy_on(
     stop: &Stop,
 ) -> Result<TidyReport, TableDemoError> {
     let (mut picker, mut detector) = connect(network, prefix, options, stop)?;
-    let display = open_display(network, NAME);
-    if let Some(display) = &display {
-        picker.observe(display.observer());
-    }
+    let _display = show_task(&mut picker, network, NAME);
     Ok(tidy(
         &mut picker,
         detector.as_mut(),

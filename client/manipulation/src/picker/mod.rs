@@ -272,6 +272,13 @@ impl<W: Workcell> Picker<W> {
         self.observer.notify(event);
     }
 
+    /// Announces the end of a task.
+    pub(crate) fn notify_end(&mut self, stopped: bool, error: Option<&dyn std::error::Error>) {
+        let error = error.map(ToString::to_string);
+        let error = error.as_deref();
+        self.notify(&TaskEvent::Ended { stopped, error });
+    }
+
     /// Returns arm and hand.
     pub fn cell(&mut self) -> &mut W {
         &mut self.cell
@@ -404,7 +411,8 @@ impl<W: Workcell> Picker<W> {
         self.leave(&plan.grasp, &set_down.line)
     }
 
-    /// Lets the arm hold where it is after an error that leaves it on its way; the first error is the one to report.
+    /// Lets the arm hold where it is after an error that leaves it on its way, and announces the error; the first error is the one to
+    /// report.
     fn hold_after(&mut self, outcome: &Result<(), PickError>) {
         match outcome {
             Err(PickError::Workcell { .. } | PickError::Stopped { .. }) => {
@@ -414,6 +422,10 @@ impl<W: Workcell> Picker<W> {
                 let _ = self.hold_here(*step);
             }
             _ => {}
+        }
+        if let Err(error) = outcome {
+            let reason = &error.to_string();
+            self.notify(&TaskEvent::Failed { reason });
         }
     }
 

@@ -144,11 +144,6 @@ impl Workcell for SimulatedCell {
         while table.simulation.hand().is_busy() && table.simulation.time() < end {
             table.step(0.002);
         }
-        if std::env::var_os("VERBOSE").is_some() {
-            let took = 15.0 - (end.as_secs_f64() - table.simulation.time().as_secs_f64());
-            let now = table.simulation.time().as_secs_f64();
-            println!("      {now:.1} s: {line}, {took:.2} s");
-        }
         let said = table.simulation.hand_mut().take_output();
         let said = String::from_utf8_lossy(&said).into_owned();
         if said.contains("ERR") && !said.contains("ERR 16") {

@@ -5,7 +5,7 @@
 //! | `mod` | [`Physics`]: the world and one step of it |
 //! | `bodies` | shapes, masses and friction |
 //! | `contact_forces` | forces between robot and world, joint torques and finger loads |
-//! | `rolling_resistance` | what stops a glass that rolls on its rim |
+//! | `rolling_resistance` | damping of cylinders that roll on a rim |
 //! | `path_check` | [`PathCheck`]: collisions of an arm along a path, for judging planners |
 //!
 //! The robot's parts move as their devices tell (kinematic bodies), so objects feel them as they are; what objects, table

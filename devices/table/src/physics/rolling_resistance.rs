@@ -1,4 +1,4 @@
-//! What stops a glass that rolls on its rim.
+//! Damping of cylinders that roll on a rim.
 //!
 //! The engine finds contacts once in a step of 2 ms. The rim of a tilted glass goes on by a millimetre in that time, so the
 //! force of the table acts behind the place where the rim touches, and pushes the glass on: its energy grows, by about 0.6
