@@ -229,19 +229,39 @@ where
 fn text_of(event: &Event<'_>) -> (String, String) {
     let mut message = Message::default();
     event.record(&mut message);
-    let component = component(event.metadata().target(), &message.0);
-    (component, foreign_text::cleaned(&message.0).to_string())
+    let component = component(event.metadata().target(), &message.text);
+    let text = message.with_reason();
+    (component, foreign_text::cleaned(&text).to_string())
 }
 
-/// Text of an event; its fields repeat what the text says.
+/// Text of an event and its field `error`; its other fields repeat what the text says.
 #[derive(Default)]
-struct Message(String);
+struct Message {
+    text: String,
+    error: Option<String>,
+}
+
+impl Message {
+    /// Returns the text, with the error behind it unless the text contains it.
+    fn with_reason(self) -> String {
+        match self.error {
+            Some(error) if !self.text.contains(&error) => format!("{}: {error}", self.text),
+            _ => self.text,
+        }
+    }
+}
 
 impl Visit for Message {
     fn record_debug(&mut self, field: &Field, value: &dyn fmt::Debug) {
-        if field.name() == "message" {
-            self.0 = format!("{value:?}");
+        match field.name() {
+            "message" => self.text = format!("{value:?}"),
+            "error" => self.error = Some(format!("{value:?}")),
+            _ => {}
         }
+    }
+
+    fn record_str(&mut self, field: &Field, value: &str) {
+        self.record_debug(field, &format_args!("{value}"));
     }
 }
 
@@ -266,6 +286,19 @@ fn component(target: &str, message: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// "the attempt failed" was all that the log said.
+    #[test]
+    fn an_error_is_behind_the_text_unless_the_text_has_it() {
+        let text = |text: &str, error: Option<&str>| {
+            let error = error.map(str::to_owned);
+            let text = text.to_owned();
+            Message { text, error }.with_reason()
+        };
+        assert_eq!(text("failed", Some("no path")), "failed: no path");
+        assert_eq!(text("failed, no path", Some("no path")), "failed, no path");
+        assert_eq!(text("done", None), "done");
+    }
 
     #[test]
     fn components_are_named_as_in_stock() {

@@ -22,6 +22,7 @@
 //! | [`Robot`], [`Hand`], [`CartesianTool`], [`Camera`] | remote devices, with the interfaces of [`yarp_devices`] |
 //! | [`module::Module`] | a program with a name, parameters, an RPC port and a periodic update |
 //! | [`time`] | the time of the machine, or of the clock that `YARP_CLOCK` names |
+//! | [`RemoteClock`] | another clock, such as that of a simulator |
 //! | [`Message`] (derive), [`bottle!`] | typed and untyped messages |
 //! | [`asynchronous`] | the same for programs that run on tokio |
 //!
@@ -38,6 +39,7 @@ pub mod module;
 pub mod prelude;
 mod publisher;
 mod received;
+mod remote_clock;
 mod robot;
 mod robot_hand;
 mod rpc;
@@ -52,6 +54,7 @@ pub use error::{Error, Result};
 pub use message_bounds::{Reply, Request};
 pub use publisher::Publisher;
 pub use received::Received;
+pub use remote_clock::RemoteClock;
 pub use robot::Robot;
 pub use robot_hand::Hand;
 pub use rpc::{RpcClient, RpcServer};

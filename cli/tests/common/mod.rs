@@ -222,6 +222,11 @@ impl Running {
         self.out.lines()
     }
 
+    /// Returns what it wrote to standard error so far.
+    pub(crate) fn logged(&self) -> Vec<String> {
+        self.err.lines()
+    }
+
     /// Writes `text` as a line repeatedly until `reader` prints it.
     #[track_caller]
     pub(crate) fn reaches(&mut self, reader: &mut Self, text: &str) {

@@ -18,6 +18,18 @@ pub enum DetectError {
         /// Age of the newest data, s.
         seconds: f64,
     },
+    /// The camera delivers images, but always the same one.
+    #[error(
+        "the {detector} detector has got the same image from {peer} again and again for {seconds:.1} s; restart its driver"
+    )]
+    Frozen {
+        /// Name of the detector.
+        detector: &'static str,
+        /// Name of the port or file.
+        peer: String,
+        /// Time without another image, s.
+        seconds: f64,
+    },
     /// The camera is not where it was when it was calibrated.
     #[error(
         "the camera has moved by {pixels:.1} pixels since its calibration; calibrate it again with `yarp calibrate`"

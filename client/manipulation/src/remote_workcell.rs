@@ -4,14 +4,24 @@ use std::time::{Duration, Instant};
 
 use nalgebra::{Point3, SVector};
 use yarp_client::devices::PositionDirect;
-use yarp_client::{Axes, ControlMode, Hand, Mode, Robot};
+use yarp_client::{Axes, ControlMode, Hand, Mode, RemoteClock, Robot};
 use yarp_devices::kinematics::Joints;
 use yarp_devices::{DeviceError, Hand as _};
 
 use crate::workcell::{Workcell, WorkcellError};
 
+/// Maximum wait until the states of the arm show that it takes set points.
+const PREPARED_TIMEOUT: Duration = Duration::from_secs(2);
+/// Interval between two looks at a state.
+const POLL_INTERVAL: Duration = Duration::from_millis(2);
+/// Advice for an arm that is not to be moved by a program.
+const REMEDY: &str = "when it is safe, end the emergency stop or activate the arm at its safety module, then start again";
+
 /// Counts of a finger and of the spread per degree.
 const COUNTS: [f64; 4] = [125.0, 125.0, 125.0, 17.5];
+
+/// Modes of joints that take set points, or have stopped by themselves: a stalled joint holds in position mode.
+const STOPPED_ITSELF: [Mode; 2] = [Mode::PositionDirect, Mode::Position];
 
 type ContainerView = Box<dyn FnMut() -> Vec<Point3<f64>> + Send>;
 
@@ -22,6 +32,8 @@ pub struct RemoteWorkcell {
     names: [String; 2],
     /// Seconds of the robot in a second of this machine.
     speed: f64,
+    /// The robot's own clock: a simulation may be slower than it was asked to be.
+    clock: Option<RemoteClock>,
     due: Instant,
     container_view: Option<ContainerView>,
 }
@@ -45,6 +57,7 @@ impl RemoteWorkcell {
             hand,
             names: names.map(str::to_owned),
             speed,
+            clock: None,
             due: Instant::now(),
             container_view: None,
         }
@@ -58,6 +71,34 @@ impl RemoteWorkcell {
     ) -> Self {
         self.container_view = Some(Box::new(look));
         self
+    }
+
+    /// Returns the same workcell with a clock that shows the time of the robot, whose `speed` does not matter then.
+    pub fn with_clock(mut self, clock: RemoteClock) -> Self {
+        self.due = clock.instant();
+        self.clock = Some(clock);
+        self
+    }
+
+    /// Checks that all joints take set points, by the newest state: nobody answers a set point.
+    fn check_mode(&self) -> Result<(), DeviceError> {
+        let modes = self.arm.control_modes(Axes::All)?;
+        let needed = Mode::PositionDirect;
+        match modes.iter().position(|mode| *mode != needed) {
+            Some(joint) => Err(DeviceError::WrongMode {
+                joint: joint.into(),
+                command: "direct position",
+                mode: modes[joint],
+                needed,
+            }),
+            None => Ok(()),
+        }
+    }
+
+    fn now(&self) -> Instant {
+        self.clock
+            .as_ref()
+            .map_or_else(Instant::now, RemoteClock::instant)
     }
 
     fn arm<R>(
@@ -91,7 +132,36 @@ impl Workcell for RemoteWorkcell {
         self.arm(
             "set the mode",
             self.arm.set_control_modes(Axes::All, &modes),
-        )
+        )?;
+        // A state that is older than the reply shows the mode before.
+        let deadline = Instant::now() + PREPARED_TIMEOUT;
+        loop {
+            let taking = self.check_mode();
+            if taking.is_ok() || Instant::now() >= deadline {
+                return self.arm("set the mode", taking);
+            }
+            std::thread::sleep(POLL_INTERVAL);
+        }
+    }
+
+    fn resume(&mut self) -> Result<(), WorkcellError> {
+        let modes = self.arm("read the modes", self.arm.control_modes(Axes::All))?;
+        let off = modes.iter().position(|mode| !STOPPED_ITSELF.contains(mode));
+        match off {
+            Some(joint) => {
+                let by = match modes[joint] {
+                    Mode::HardwareFault => "a hardware fault",
+                    _ => "an emergency stop or another program",
+                };
+                let held = DeviceError::Held {
+                    joint: joint.into(),
+                    by,
+                    remedy: REMEDY,
+                };
+                self.arm("command a posture", Err(held))
+            }
+            None => self.prepare(),
+        }
     }
 
     fn joints(&mut self) -> Result<Joints<7>, WorkcellError> {
@@ -110,23 +180,30 @@ impl Workcell for RemoteWorkcell {
     }
 
     fn command(&mut self, joints: &Joints<7>) -> Result<(), WorkcellError> {
+        self.arm("command a posture", self.check_mode())?;
         let degrees: SVector<f64, 7> = joints.map(f64::to_degrees);
         let sent = self.arm.set_direct_positions(Axes::All, degrees.as_slice());
         self.arm("command a posture", sent)
     }
 
     fn wait(&mut self, seconds: f64) -> Result<(), WorkcellError> {
-        let interval = Duration::from_secs_f64((seconds / self.speed).max(0.0));
-        let now = Instant::now();
+        let pace = self.clock.as_ref().map_or(self.speed, |_| 1.0);
+        let interval = Duration::from_secs_f64((seconds / pace).max(0.0));
+        let now = self.now();
         // Late waits do not pile up.
         self.due = (self.due + interval).max(now);
-        std::thread::sleep(self.due - now);
-        Ok(())
+        match &self.clock {
+            Some(clock) => self.arm("wait", clock.sleep_until(self.due)),
+            None => {
+                std::thread::sleep(self.due - now);
+                Ok(())
+            }
+        }
     }
 
     fn command_hand(&mut self, line: &str) -> Result<String, WorkcellError> {
         let sent = self.hand.send_command(line);
-        self.due = Instant::now();
+        self.due = self.now();
         match sent {
             // Something blocked the motion.
             Err(error)
@@ -145,7 +222,7 @@ impl Workcell for RemoteWorkcell {
 
     fn look_into_containers(&mut self) -> Result<Vec<Point3<f64>>, WorkcellError> {
         let points = self.container_view.as_mut().map(|look| look());
-        self.due = Instant::now();
+        self.due = self.now();
         Ok(points.unwrap_or_default())
     }
 

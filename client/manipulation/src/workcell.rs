@@ -35,10 +35,18 @@ pub trait Workcell {
     /// Prepares arm and hand: the arm follows set points from now on, from where it is.
     fn prepare(&mut self) -> Result<(), WorkcellError>;
 
+    /// Lets the arm follow set points again after it refused one because it had stopped itself.
+    ///
+    /// Errors: the arm is idle or reports a fault. Who pressed an emergency stop, or what failed, is not to be overruled: only
+    /// a person makes that arm move again, and a program that is started then.
+    fn resume(&mut self) -> Result<(), WorkcellError>;
+
     /// Returns the measured joint angles, rad.
     fn joints(&mut self) -> Result<Joints<7>, WorkcellError>;
 
     /// Sends the arm a set point, rad; it holds the last one.
+    ///
+    /// Errors: it takes no set points, because it stopped itself or somebody stopped it; see [`resume`](Self::resume).
     fn command(&mut self, joints: &Joints<7>) -> Result<(), WorkcellError>;
 
     /// Lets this many seconds pass.

@@ -15,12 +15,27 @@ use yarp_manipulation::{
 };
 use yarp_table::{Finish, Random, Scene, Shape, SimulationOptions, arm_model};
 
+/// A box that a hand takes from any side.
+const BOX: Shape = Shape::Box {
+    size: [0.06, 0.09, 0.08],
+};
+
 fn table(shape: Shape, x: f64, y: f64) -> (Shared, Picker<SimulatedCell>, Item) {
+    table_from([0.0, 0.2, 0.0, 2.2, 0.0, 0.7, 0.0], shape, x, y)
+}
+
+/// Returns a table with an arm that begins in this posture, rad.
+fn table_from(
+    posture: [f64; 7],
+    shape: Shape,
+    x: f64,
+    y: f64,
+) -> (Shared, Picker<SimulatedCell>, Item) {
     let mut scene = Scene::empty();
     scene.put(shape, x, y, 0.3, Finish::default());
     let found = item(&scene.objects[0]).expect("an object to grasp");
     let mut options = SimulationOptions::default();
-    options.joints = Some([0.0, 0.2, 0.0, 2.2, 0.0, 0.7, 0.0]);
+    options.joints = Some(posture);
     let table = shared(scene, options);
     table.borrow_mut().step(0.3);
     let cell = SimulatedCell(table.clone());
@@ -211,6 +226,9 @@ impl<F: FnMut(&Shared)> Workcell for Disturbed<F> {
     fn prepare(&mut self) -> Result<(), WorkcellError> {
         self.cell.prepare()
     }
+    fn resume(&mut self) -> Result<(), WorkcellError> {
+        self.cell.resume()
+    }
     fn joints(&mut self) -> Result<Joints<7>, WorkcellError> {
         self.cell.joints()
     }
@@ -345,6 +363,9 @@ impl<F: FnMut(&Shared) -> bool> Workcell for Deaf<F> {
     fn prepare(&mut self) -> Result<(), WorkcellError> {
         self.cell.prepare()
     }
+    fn resume(&mut self) -> Result<(), WorkcellError> {
+        self.cell.resume()
+    }
     fn joints(&mut self) -> Result<Joints<7>, WorkcellError> {
         self.cell.joints()
     }
@@ -378,10 +399,7 @@ fn deaf<F: FnMut(&Shared) -> bool>(delay: usize, hears: F) -> DeafPicker<F> {
 }
 
 fn deaf_until<F: FnMut(&Shared) -> bool>(holds: usize, delay: usize, hears: F) -> DeafPicker<F> {
-    let shape = Shape::Box {
-        size: [0.06, 0.09, 0.08],
-    };
-    let (table, _, item) = table(shape, 0.55, 0.05);
+    let (table, _, item) = table(BOX, 0.55, 0.05);
     let cell = Deaf {
         cell: SimulatedCell(table.clone()),
         hears,
@@ -424,6 +442,48 @@ fn an_arm_that_does_not_follow_is_blocked_and_used_again() {
     }
     let placed = picker.pick_and_place(&item, &[], 0, 0);
     placed.expect("it is placed");
+}
+
+/// An arm that sank after a fault stood so near to itself that no plan began there: every object was left.
+#[test]
+fn an_arm_that_is_folded_unfolds() {
+    let folded = [0.5, -1.6, 0.2, 3.0, 0.3, 0.3, 0.0];
+    let (table, mut picker, item) = table_from(folded, BOX, 0.55, 0.05);
+    picker
+        .pick_and_place(&item, &[], 0, 0)
+        .expect("it is placed");
+    assert_eq!(table.borrow().touched, 0);
+}
+
+/// The program made the arm move again after an emergency stop.
+#[test]
+fn an_arm_that_was_switched_off_stays_off() {
+    let mut count = 0;
+    let (table, mut picker, item) = deaf(0, move |table: &Shared| {
+        count += 1;
+        if count == 30 {
+            let mut table = table.borrow_mut();
+            let arm = table.simulation.arm_mut();
+            let set = arm.set_control_modes(Axes::All, &[Mode::Idle; 7]);
+            set.expect("the mode is set");
+        }
+        true
+    });
+    let error = picker.pick_and_place(&item, &[], 0, 0).unwrap_err();
+    assert!(
+        matches!(error, PickError::Workcell { .. }) && error.to_string().contains("idle"),
+        "{error}"
+    );
+    let error = picker.pick_and_place(&item, &[], 0, 0).unwrap_err();
+    assert!(matches!(error, PickError::Workcell { .. }), "{error}");
+    let mut modes = [Mode::UNKNOWN; 7];
+    let table = table.borrow();
+    let read = table
+        .simulation
+        .arm()
+        .read_control_modes(Axes::All, &mut modes);
+    read.expect("the simulation has modes");
+    assert_eq!(modes, [Mode::Idle; 7]);
 }
 
 /// Picks with an arm that stops itself at the first set point for whose time, s, `stops` returns true, and picks again.

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use serde_json::Value;
 use yarp_client::ports::blocking::wait;
-use yarp_client::{Hand, Network, Robot};
+use yarp_client::{Hand, Network, RemoteClock, Robot};
 use yarp_manipulation::{
     Detector, Picker, PickerOptions, RemoteWorkcell, Stop, Surroundings, Workcell,
 };
@@ -13,6 +13,7 @@ use yarp_nameserver::{Server, ServerOptions};
 use yarp_table::{LiveOptions, LiveTable, Placement, Scene, arm_model};
 use yarp_view::{LogLines, View};
 
+use super::served_table::CLOCK;
 use super::task_display::TaskDisplay;
 use super::{ContainerView, RemoteTruth, ServedTable, ServedTableOptions, TableDemoError};
 
@@ -230,6 +231,9 @@ pub(super) fn connect(
         }
     };
     let mut cell = RemoteWorkcell::new(arm, hand, [&names[0], &names[1]], options.speed);
+    if let Some(clock) = find_clock(network, &format!("{prefix}/{CLOCK}")) {
+        cell = cell.with_clock(clock);
+    }
     match ContainerView::connect(network, prefix) {
         Ok(mut view) => cell = cell.with_container_view(move || view.look()),
         Err(error) => {
@@ -241,4 +245,25 @@ pub(super) fn connect(
     let surroundings = Surroundings::default();
     let picker = Picker::new(cell, arm_model(), surroundings, picking, stop.clone())?;
     Ok((picker, detector))
+}
+
+/// Connects to the clock of a simulated table; a robot has none.
+fn find_clock(network: &Network, name: &str) -> Option<RemoteClock> {
+    let there = {
+        let (network, name) = (network.clone(), name.to_owned());
+        wait(async move { network.query(&name).await })
+    };
+    if there.is_err() {
+        return None;
+    }
+    match RemoteClock::connect_on(network, name) {
+        Ok(clock) => Some(clock),
+        Err(error) => {
+            tracing::warn!(
+                error = yarp_client::ports::error_chain(&error),
+                "the demo goes by the time of this machine"
+            );
+            None
+        }
+    }
 }

@@ -2,8 +2,8 @@
 //!
 //! | module | content |
 //! | --- | --- |
-//! | `served_table` | [`ServedTable`]: arm, hand, cameras, scene and truth of a table on ports |
-//! | `scene_message` | the scene as a message for viewers |
+//! | `served_table` | [`ServedTable`]: arm, hand, cameras, scene, clock and truth of a table on ports |
+//! | `scene_message`, `table_clock` | the scene as a message for viewers, and the time that passed on the table |
 //! | `task_display` | messages that show a task in the live view |
 //! | `container_view` | [`ContainerView`]: what depth sensors see in the baskets |
 //! | `truth` | [`RemoteTruth`]: a detector that asks the table itself, with noise |
@@ -19,6 +19,7 @@ pub mod reorder;
 mod scene_message;
 mod served_table;
 mod slot_orders;
+mod table_clock;
 mod task_display;
 pub mod tidy;
 mod truth;

@@ -16,6 +16,7 @@ use yarp_wrappers::{
 use super::TableDemoError;
 use super::container_view::ContainerView;
 use super::scene_message;
+use super::table_clock;
 use super::truth::serve_truth;
 
 /// Interval at which arm and hand publish their state, on the table's clock.
@@ -27,6 +28,10 @@ const MAX_IMAGE_INTERVAL: Duration = Duration::from_millis(33);
 
 /// Names of the devices of a table, after its prefix.
 const DEVICES: [&str; 4] = ["wam", "hand", "camera", "depth"];
+
+/// Names of the ports of scene and clock, after the prefix.
+const SCENE: &str = "table/scene:o";
+pub(super) const CLOCK: &str = "table/clock:o";
 
 /// Options of a table on the network.
 #[derive(Clone, Debug)]
@@ -61,7 +66,7 @@ impl ServedTableOptions {
         ViewOptions::new(&self.name("wam"))
             .hand(&self.name("hand"))
             .camera(&self.name("camera"))
-            .source(&self.name("table/scene:o"))
+            .source(&self.name(SCENE))
     }
 
     fn name(&self, part: &str) -> String {
@@ -69,15 +74,15 @@ impl ServedTableOptions {
     }
 }
 
-/// Arm, hand, cameras, scene and truth of a table, each on its ports.
+/// Arm, hand, cameras, scene, clock and truth of a table, each on its ports.
 pub struct ServedTable {
     table: Arc<LiveTable>,
     arm: ControlBoardServer,
     hand: ControlBoardServer,
     grasps: HandServer,
     cameras: Vec<FrameGrabberServer>,
-    scene: Arc<Port>,
-    publisher: JoinHandle<()>,
+    /// Scene and clock, and the tasks that publish them.
+    published: Vec<(Arc<Port>, JoinHandle<()>)>,
     truth: RpcServer,
 }
 
@@ -91,7 +96,7 @@ impl std::fmt::Debug for ServedTable {
 
 impl ServedTable {
     /// Opens the ports: `PREFIX/wam`, `PREFIX/hand`, `PREFIX/camera`, `PREFIX/depth`, `PREFIX/baskets/right`,
-    /// `PREFIX/baskets/left`, `PREFIX/table/scene:o` and `PREFIX/truth/rpc:i`.
+    /// `PREFIX/baskets/left`, `PREFIX/table/scene:o`, `PREFIX/table/clock:o` and `PREFIX/truth/rpc:i`.
     ///
     /// Errors: a name is taken or refused, or the name server cannot be reached.
     pub async fn open(
@@ -122,20 +127,23 @@ impl ServedTable {
             let raw = raw.clone();
             cameras.push(FrameGrabberServer::open(network, sensor, &name(part), raw).await?);
         }
-        let scene = Port::open(network, &name("table/scene:o"), PortOptions::new()).await?;
-        let scene = Arc::new(scene);
+        let port = async |part: &str| {
+            let port = Port::open(network, &name(part), PortOptions::new()).await?;
+            Ok::<_, TableDemoError>(Arc::new(port))
+        };
+        let (scene, clock) = (port(SCENE).await?, port(CLOCK).await?);
         let (network, name, shared) = (network.clone(), name("truth/rpc:i"), table.shared_scene());
         let truth = spawn_blocking(move || serve_truth(&network, &name, shared));
         let truth = truth.await.expect("opening a port does not panic")?;
-        let publisher = tokio::spawn(scene_message::publish(table.clone(), scene.clone()));
+        let scenes = tokio::spawn(scene_message::publish(table.clone(), scene.clone()));
+        let times = tokio::spawn(table_clock::publish(table.clone(), clock.clone()));
         Ok(Self {
             table,
             arm,
             hand,
             grasps,
             cameras,
-            scene,
-            publisher,
+            published: vec![(scene, scenes), (clock, times)],
             truth,
         })
     }
@@ -153,16 +161,17 @@ impl ServedTable {
             hand,
             grasps,
             cameras,
-            scene,
-            publisher,
+            published,
             truth,
         } = self;
-        publisher.abort();
-        // It has been aborted.
-        let _ = publisher.await;
-        // The publisher has ended, so nobody else holds it.
-        if let Ok(scene) = Arc::try_unwrap(scene) {
-            scene.close().await;
+        for (port, publisher) in published {
+            publisher.abort();
+            // It has been aborted.
+            let _ = publisher.await;
+            // The publisher has ended, so nobody else holds it.
+            if let Ok(port) = Arc::try_unwrap(port) {
+                port.close().await;
+            }
         }
         for camera in cameras {
             camera.close().await;

@@ -67,10 +67,10 @@ impl RemoteVision {
 
     fn look(&mut self) -> Result<Vec<FoundObject>, DetectError> {
         // Both before either is waited for: they are taken at the same time.
-        let colour = self.colour.latest().map_err(failed)?.number;
-        let depth = self.depth.latest().map_err(failed)?.number;
-        let colour = newer(&mut self.colour, &self.names[0], colour)?;
-        let depth = newer(&mut self.depth, &self.names[1], depth)?;
+        let colour = self.colour.latest().map_err(failed)?;
+        let depth = self.depth.latest().map_err(failed)?;
+        let colour = newer(&mut self.colour, &self.names[0], &colour, IMAGE_TIMEOUT)?;
+        let depth = newer(&mut self.depth, &self.names[1], &depth, IMAGE_TIMEOUT)?;
         let depth = depth.to_mono().map_err(failed)?.image;
         let depth = DepthImage::from_grey(&depth, f64::from(DEPTH_FROM), f64::from(DEPTH_STEP));
         let depth = depth.map_err(failed)?;
@@ -111,19 +111,36 @@ impl Detector for RemoteVision {
     }
 }
 
-/// Waits for an image that was taken after the one with this number had come.
-fn newer(images: &mut RemoteImages, name: &str, seen: u64) -> Result<Frame, DetectError> {
+/// Waits for an image that was taken after `seen` had come.
+///
+/// A camera that repeats an image pixel by pixel is frozen: in a new one at least the noise is another.
+fn newer(
+    images: &mut dyn ImageSource,
+    name: &str,
+    seen: &Frame,
+    timeout: Duration,
+) -> Result<Frame, DetectError> {
     let start = Instant::now();
     loop {
         let frame = images.latest().map_err(failed)?;
-        if frame.number >= seen + NEW_IMAGES {
+        let is_new = frame.number >= seen.number + NEW_IMAGES;
+        if is_new && frame.image != seen.image {
             return Ok(frame);
         }
-        if start.elapsed() >= IMAGE_TIMEOUT {
-            return Err(DetectError::Stale {
-                detector: NAME,
-                peer: name.to_owned(),
-                seconds: IMAGE_TIMEOUT.as_secs_f64(),
+        if start.elapsed() >= timeout {
+            let (detector, peer) = (NAME, name.to_owned());
+            let seconds = timeout.as_secs_f64();
+            return Err(match is_new {
+                true => DetectError::Frozen {
+                    detector,
+                    peer,
+                    seconds,
+                },
+                false => DetectError::Stale {
+                    detector,
+                    peer,
+                    seconds,
+                },
             });
         }
         std::thread::sleep(POLL_INTERVAL);
@@ -172,4 +189,54 @@ fn described(found: &FoundObject, setup: &DetectorSetup) -> Option<(Class, ItemS
     let place = Translation3::new(top.x, top.y, top.z - height / 2.0);
     let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), turn);
     Some((class, shape, Pose::from_parts(place, turn)))
+}
+
+#[cfg(test)]
+mod tests {
+    use yarp_devices::image::{Image, PixelFormat};
+
+    use super::*;
+
+    /// A camera whose images get new numbers, and another content from a number on.
+    struct Repeating {
+        number: u64,
+        changes_at: u64,
+    }
+
+    impl ImageSource for Repeating {
+        fn latest(&mut self) -> Result<Frame, VisionError> {
+            self.number += 1;
+            let value = u8::from(self.number >= self.changes_at);
+            let image = Image::new(PixelFormat::Mono, 1, 1, vec![value]);
+            Ok(Frame {
+                image: image.expect("the size fits"),
+                number: self.number,
+                time: 0.0,
+            })
+        }
+    }
+
+    fn look(changes_at: u64) -> Result<Frame, DetectError> {
+        let mut camera = Repeating {
+            number: 0,
+            changes_at,
+        };
+        let seen = camera.latest().expect("it has an image");
+        newer(&mut camera, "/camera", &seen, Duration::from_millis(200))
+    }
+
+    /// Objects were picked where they had been when the camera froze.
+    #[test]
+    fn a_camera_that_repeats_its_image_is_frozen() {
+        match look(u64::MAX) {
+            Err(DetectError::Frozen { peer, .. }) => assert_eq!(peer, "/camera"),
+            other => panic!("{other:?}"),
+        }
+        assert_eq!(look(5).expect("a new image comes").number, 5);
+    }
+
+    #[test]
+    fn an_image_that_was_under_way_is_not_new() {
+        assert_eq!(look(2).expect("a new image comes").number, 1 + NEW_IMAGES);
+    }
 }

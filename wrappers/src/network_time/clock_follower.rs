@@ -281,7 +281,7 @@ fn tell(link: &Link, time: &NetworkTime, report: ClockReport) {
     match report {
         ClockReport::Running => tracing::info!("the clock {clock} goes on, at {now:.3} s"),
         ClockReport::Standing => tracing::warn!(
-            "the clock {clock} (YARP_CLOCK) stands still at {now:.3} s: it repeats its time; sleeps last until it goes on"
+            "the clock {clock} stands still at {now:.3} s: it repeats its time; sleeps last until it goes on"
         ),
         ClockReport::Silent => {
             let reason = match link.port.inputs().is_empty() {
@@ -289,7 +289,7 @@ fn tell(link: &Link, time: &NetworkTime, report: ClockReport) {
                 false => "it is connected, but sends nothing".to_owned(),
             };
             tracing::warn!(
-                "the clock {clock} (YARP_CLOCK) stands still at {now:.3} s: {}; sleeps last until it goes on",
+                "the clock {clock} stands still at {now:.3} s: {}; sleeps last until it goes on",
                 printable(&reason)
             );
         }

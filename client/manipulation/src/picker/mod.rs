@@ -9,7 +9,8 @@
 //! | grasp, verify | the fingers closed on nothing | open, back up; the object is detected again and tried once more |
 //! | transport | no free path to the container or place | put the object back where it was |
 //! | release | the hand does not open | the arm holds above the container, the object stays held |
-//! | any | stop, emergency stop, a device is gone | the arm holds, the hand keeps its grip |
+//! | any | stop, a device is gone | the arm holds, the hand keeps its grip |
+//! | any | emergency stop, fault of the arm | nothing is commanded any more; the hand keeps its grip |
 
 mod motion;
 mod plan;
@@ -320,8 +321,7 @@ impl<W: Workcell> Picker<W> {
     fn hold_here(&mut self, step: Step) -> Result<(), PickError> {
         let failed = |source| PickError::Workcell { step, source };
         if self.cell.hold().is_err() {
-            // It may have stopped itself: then it takes set points again once it is prepared for them.
-            self.cell.prepare().map_err(failed)?;
+            self.cell.resume().map_err(failed)?;
             self.cell.hold().map_err(failed)?;
         }
         let joints = self.cell.joints().map_err(failed)?;
@@ -445,8 +445,9 @@ impl<W: Workcell> Picker<W> {
     /// Grasps an object and lifts it.
     fn pick(&mut self, item: &Item, others: &[Item], first: usize) -> Result<PickPlan, PickError> {
         self.begin(Step::Plan);
-        self.leave_home()?;
-        self.back_up(item, others)?;
+        let items: Vec<Item> = others.iter().chain([item]).cloned().collect();
+        self.unfold(&items)?;
+        self.back_up(&items)?;
         let plan = self.plan_pick(item, others, first)?;
         self.shape_hand(&plan.grasp)?;
         let approach = self.plan_transit(item, others, &plan)?;
@@ -512,13 +513,9 @@ impl<W: Workcell> Picker<W> {
         Err(PickError::Lost { item, step })
     }
 
-    /// Unfolds an arm at home, where forearm and upper arm are closer to each other than planned motions come.
-    fn leave_home(&mut self) -> Result<(), PickError> {
-        if (self.at - self.model.home).amax() > AT_HOME {
-            return Ok(());
-        }
-        let unfolded = Joints::<7>::from(UNFOLDED);
-        match self.timed(vec![self.at, unfolded]) {
+    /// Unfolds an arm whose parts are closer to each other than planned motions come, such as at home or on its way from there.
+    fn unfold(&mut self, items: &[Item]) -> Result<(), PickError> {
+        match self.plan_unfold(items) {
             Some(motion) => self.follow(&motion, Step::PreGrasp),
             None => Ok(()),
         }
@@ -542,9 +539,8 @@ impl<W: Workcell> Picker<W> {
     }
 
     fn try_clear_view(&mut self, items: &[Item], to: &Joints<7>) -> Result<bool, PickError> {
-        if let Some(motion) = self.plan_back_up(items) {
-            self.follow(&motion, Step::PreGrasp)?;
-        }
+        self.unfold(items)?;
+        self.back_up(items)?;
         // As planned.
         self.hand(Step::PreGrasp, "GO")?;
         match self.plan_retreat(items, to) {
@@ -557,9 +553,8 @@ impl<W: Workcell> Picker<W> {
     }
 
     /// Raises a hand that is nearer to an object than planned motions begin, such as beside one that fell.
-    fn back_up(&mut self, item: &Item, others: &[Item]) -> Result<(), PickError> {
-        let items: Vec<Item> = others.iter().chain([item]).cloned().collect();
-        match self.plan_back_up(&items) {
+    fn back_up(&mut self, items: &[Item]) -> Result<(), PickError> {
+        match self.plan_back_up(items) {
             Some(motion) => self.follow(&motion, Step::PreGrasp),
             None => Ok(()),
         }

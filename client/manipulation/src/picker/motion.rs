@@ -159,16 +159,14 @@ impl<W: Workcell> Picker<W> {
         self.call(step, |cell| cell.command(&target))
     }
 
-    /// Sends the set point. An arm that noticed itself that a joint stalled refuses it, and takes set points again once it is
-    /// prepared for them: then it was blocked, and has not failed.
+    /// Sends the set point. An arm that noticed itself that a joint stalled refuses it, and takes set points again once it
+    /// resumes: then it was blocked, and has not failed.
     fn command_or_stall(&mut self, step: Step) -> Result<(), PickError> {
         let refused = match self.command(step) {
             Ok(()) => return Ok(()),
             Err(refused) => refused,
         };
-        if self.cell.prepare().is_err() {
-            return Err(refused);
-        }
+        self.call(step, Workcell::resume)?;
         let (joint, error) = self.tracking_error(step)?;
         tracing::info!(%refused, %step, "the arm stopped");
         Err(PickError::Blocked { step, joint, error })

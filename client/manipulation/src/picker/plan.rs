@@ -10,7 +10,7 @@ use yarp_planning::{
 };
 
 use super::motion::Motion;
-use super::{PickError, Picker, PlanFailure, Step};
+use super::{PickError, Picker, PlanFailure, Step, UNFOLDED};
 use crate::filling::{Filling, Spot, half_extent};
 use crate::grasp::{Grasp, finger_joints, grasps};
 use crate::item::{Item, ItemShape};
@@ -41,6 +41,9 @@ const STEEP_FINGERS: i32 = 8000;
 const OPENINGS: [f64; 3] = [1.0, 0.65, 0.4];
 /// Distance of the palm's middle to the outside of the fingers beside an object, m.
 const FINGER_ROOM: f64 = 0.05;
+/// Step of the posture in which an unfolding motion is examined, rad, and how much nearer than before it may come to anything, m.
+const UNFOLDING_STEP: f64 = 0.02;
+const UNFOLDING_TOLERANCE: f64 = 0.001;
 /// Number of postures per grasp for which a straight approach is tried.
 const POSTURES: usize = 4;
 /// Largest and smallest radius of the spheres that stand for a held object, m.
@@ -253,6 +256,27 @@ impl<W: Workcell> Picker<W> {
         }
         let step = Step::Transport;
         Err(PickError::Plan { step, source: last })
+    }
+
+    /// Plans a straight motion out of a posture in which the arm is nearer to itself than planned motions begin; `None` if it is
+    /// in no such posture, or would come nearer to anything on the way.
+    pub(super) fn plan_unfold(&self, items: &[Item]) -> Option<Motion> {
+        let itself = self.collisions(self.open_hand(), Scene::default());
+        if itself.is_free(&self.at) {
+            return None;
+        }
+        let unfolded = Joints::<7>::from(UNFOLDED);
+        let around = self.collisions(self.open_hand(), self.scene(items));
+        let least = around.clearance(&self.at) - UNFOLDING_TOLERANCE;
+        let away = unfolded - self.at;
+        let steps = (away.amax() / UNFOLDING_STEP).ceil();
+        let goes_apart = (1..=steps as usize)
+            .map(|step| self.at + away * (step as f64 / steps))
+            .all(|posture| around.clearance(&posture) >= least);
+        match goes_apart {
+            true => self.timed(vec![self.at, unfolded]),
+            false => None,
+        }
     }
 
     /// Plans a motion straight up, out of the margin of the objects; `None` if the arm is free or cannot go up.

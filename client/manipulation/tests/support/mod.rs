@@ -110,6 +110,29 @@ impl Workcell for SimulatedCell {
         set.map_err(failed("set the mode"))
     }
 
+    fn resume(&mut self) -> Result<(), WorkcellError> {
+        let mut modes = [Mode::UNKNOWN; 7];
+        {
+            let table = self.0.borrow();
+            let read = table
+                .simulation
+                .arm()
+                .read_control_modes(Axes::All, &mut modes);
+            read.map_err(failed("read the modes"))?;
+        }
+        if modes
+            .iter()
+            .any(|mode| !matches!(mode, Mode::Position | Mode::PositionDirect))
+        {
+            return Err(failed("follow")(DeviceError::Held {
+                joint: 0.into(),
+                by: "its idle mode",
+                remedy: "test",
+            }));
+        }
+        self.prepare()
+    }
+
     fn joints(&mut self) -> Result<Joints<7>, WorkcellError> {
         let table = self.0.borrow();
         let arm = table.simulation.arm();
