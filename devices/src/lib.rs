@@ -66,6 +66,8 @@ pub mod image;
 pub mod kinematics;
 pub mod periodic_timer;
 pub mod pseudo_random;
+#[cfg(all(feature = "barrett", target_os = "linux"))]
+pub mod real_time;
 pub mod remapper;
 #[cfg(feature = "barrett")]
 pub mod sensors;

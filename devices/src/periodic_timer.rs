@@ -1,5 +1,6 @@
 //! A timer with a fixed rate, which counts missed deadlines.
 
+use std::fmt;
 use std::time::{Duration, Instant};
 
 use crate::clock::TimeSource;
@@ -59,6 +60,63 @@ pub struct CycleStatistics {
     pub late: u64,
     /// The longest time from when a cycle was due until it was done.
     pub longest: Duration,
+    /// Number of cycles by the time from when they were due until they were done.
+    pub delays: DelayHistogram,
+}
+
+/// Upper ends of the ranges of a [`DelayHistogram`], µs; the last range has none.
+const DELAY_BOUNDS: [u64; 8] = [50, 100, 200, 500, 1_000, 2_000, 5_000, 10_000];
+
+/// Numbers of cycles by their delay.
+///
+/// ```
+/// use std::time::Duration;
+/// use yarp_devices::periodic_timer::DelayHistogram;
+///
+/// let mut delays = DelayHistogram::default();
+/// for micros in [10, 50, 51, 99_000] {
+///     delays.add(Duration::from_micros(micros));
+/// }
+/// assert_eq!(delays.to_string(), "2 to 50 us, 1 to 100 us, 1 above 10 ms");
+/// ```
+#[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
+pub struct DelayHistogram([u64; DELAY_BOUNDS.len() + 1]);
+
+impl DelayHistogram {
+    /// Counts a cycle.
+    pub fn add(&mut self, delay: Duration) {
+        let reaches = |bound: &u64| delay <= Duration::from_micros(*bound);
+        let range = DELAY_BOUNDS.iter().position(reaches);
+        self.0[range.unwrap_or(DELAY_BOUNDS.len())] += 1;
+    }
+
+    /// Returns the sums of both.
+    fn and(self, other: Self) -> Self {
+        Self(std::array::from_fn(|range| self.0[range] + other.0[range]))
+    }
+}
+
+/// The ranges that are not empty.
+impl fmt::Display for DelayHistogram {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let time = |micros: u64| match micros % 1000 {
+            0 => format!("{} ms", micros / 1000),
+            _ => format!("{micros} us"),
+        };
+        let mut separator = "";
+        for (range, count) in self.0.iter().enumerate().filter(|(_, count)| **count > 0) {
+            write!(f, "{separator}{count} ")?;
+            match DELAY_BOUNDS.get(range) {
+                Some(bound) => write!(f, "to {}", time(*bound))?,
+                None => write!(f, "above {}", time(DELAY_BOUNDS[range - 1]))?,
+            }
+            separator = ", ";
+        }
+        match separator {
+            "" => write!(f, "none"),
+            _ => Ok(()),
+        }
+    }
 }
 
 impl PeriodicTimer {
@@ -126,6 +184,7 @@ impl PeriodicTimer {
         self.statistics.cycles += 1;
         self.statistics.late += u64::from(taken > self.period);
         self.statistics.longest = self.statistics.longest.max(taken);
+        self.statistics.delays.add(taken);
         let (missed, next) = match self.missed_cycles {
             MissedCycles::Skip => {
                 let missed = taken.as_nanos() / self.period.as_nanos();
@@ -159,6 +218,7 @@ impl CycleStatistics {
             missed: self.missed + other.missed,
             late: self.late + other.late,
             longest: self.longest.max(other.longest),
+            delays: self.delays.and(other.delays),
         }
     }
 }
@@ -189,6 +249,9 @@ mod tests {
         let counted = (statistics.cycles, statistics.missed, statistics.late);
         assert_eq!(counted, (101, 500, 1));
         assert_eq!(statistics.longest, Duration::from_secs(1));
+        let delays = statistics.delays.and(statistics.delays);
+        assert_eq!(delays.to_string(), "200 to 1 ms, 2 above 10 ms");
+        assert_eq!(DelayHistogram::default().to_string(), "none");
     }
 
     #[test]

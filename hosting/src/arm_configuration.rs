@@ -17,6 +17,9 @@
 //! | `stallError` | distance from the set point at which a joint stalls, degrees; default 10 |
 //! | `stallTime` | time for which a joint shows one of these without getting on, s; default 0.2 |
 //! | `noStallDetection` | no joint is stopped because it stalls |
+//! | `realTimePriority` | priority of control under `SCHED_FIFO`, 1 to 99, 0 for none; default 40; CAN bus only |
+//! | `processor` | the only processor on which control runs, counted from 0; CAN bus only |
+//! | `noMemoryLock` | memory may be paged out; CAN bus only |
 //! | `guard`, `noGuard` | puts guards in front of an ideal simulation; removes those in front of any other arm |
 //! | `velocityTimeout` | time after which a velocity without a new command ends, s; default 1 |
 //! | `effortTimeout` | the same for torques, currents and duty cycles, s; default 0.2 |
@@ -30,6 +33,8 @@ use yarp_devices::guard::{
     DEFAULT_EFFORT_TIMEOUT, DEFAULT_VELOCITY_TIMEOUT, Guarded, GuardedOptions,
 };
 use yarp_devices::kinematics::Pose;
+#[cfg(target_os = "linux")]
+use yarp_devices::real_time::{MAX_PRIORITY, RealTime};
 use yarp_devices::wam::can::{CanOptions, ZeroCalibration};
 use yarp_devices::wam::{StallLimits, Transmission, WamModel};
 use yarp_devices::{Device, DeviceError, Limits};
@@ -93,6 +98,10 @@ impl ArmConfiguration {
             let marks = marks.and_then(|marks| marks.try_into().ok());
             let expected = "the values of MECH of seven pucks at home";
             can.home_marks = Some(marks.ok_or_else(|| parameters.refuse("homeMarks", expected))?);
+        }
+        #[cfg(target_os = "linux")]
+        {
+            can.real_time = real_time(parameters)?;
         }
         model = with_payload(model, parameters)?;
         model = with_mechanics(model, parameters)?;
@@ -302,6 +311,25 @@ fn with_loops(model: &mut WamModel<AXES>, parameters: &Parameters) -> Result<(),
     Ok(())
 }
 
+/// Reads the real-time settings of control.
+#[cfg(target_os = "linux")]
+fn real_time(parameters: &Parameters) -> Result<RealTime, HostError> {
+    let mut settings = RealTime::default();
+    if let Some(priority) = parameters.get::<usize>("realTimePriority")? {
+        let known = u8::try_from(priority)
+            .ok()
+            .filter(|&priority| priority <= MAX_PRIORITY);
+        let Some(priority) = known else {
+            let expected = "a priority of 1 to 99, or 0 for none";
+            return Err(parameters.refuse("realTimePriority", expected).into());
+        };
+        settings.priority = Some(priority).filter(|&priority| priority > 0);
+    }
+    settings.processor = parameters.get::<usize>("processor")?;
+    settings.lock_memory = !flag(parameters, "noMemoryLock")?;
+    Ok(settings)
+}
+
 /// Reads the signs of a stalled joint; wider ones than the default are logged.
 fn stall_limits(
     default: Option<StallLimits<AXES>>,
@@ -360,14 +388,36 @@ mod tests {
 
     use super::*;
 
-    fn of(text: &str) -> Result<Option<StallLimits<AXES>>, String> {
+    fn read(text: &str) -> Result<ArmConfiguration, String> {
         let mut settings = Settings::new();
         settings.read_text("f.ini", text, &NoSource);
         let parameters = Parameters::new("arm", settings, Origin::line("f.ini", 1));
         let configuration = ArmConfiguration::from_parameters(&parameters, None);
-        configuration
-            .map(|configuration| configuration.model.stall)
-            .map_err(|error| error.to_string())
+        configuration.map_err(|error| error.to_string())
+    }
+
+    fn of(text: &str) -> Result<Option<StallLimits<AXES>>, String> {
+        read(text).map(|configuration| configuration.model.stall)
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn real_time_settings_are_parameters() {
+        let of = |text: &str| read(text).map(|found| found.can.real_time);
+        assert_eq!(of(""), Ok(RealTime::default()));
+        let asked = RealTime {
+            priority: Some(99),
+            processor: Some(1),
+            lock_memory: false,
+        };
+        assert_eq!(
+            of("realTimePriority 99\nprocessor 1\nnoMemoryLock\n"),
+            Ok(asked)
+        );
+        let none = of("realTimePriority 0\n").unwrap();
+        assert_eq!(none.priority, None);
+        let refused = of("realTimePriority 100\n").unwrap_err();
+        assert!(refused.contains("1 to 99"), "{refused}");
     }
 
     #[test]

@@ -250,8 +250,8 @@ fn carry_out<W: Workcell>(
     let outcome = picker.pick_and_set_down(item, &others, next.place, 0);
     let attempt = match &outcome {
         Ok(()) => Attempt::SetDown,
-        Err(PickError::NoGrasp { .. } | PickError::Unreachable { .. }) => Attempt::NothingMoved,
         Err(PickError::Stopped { .. }) => Attempt::Stopped,
+        Err(error) if error.moves_nothing() => Attempt::NothingMoved,
         Err(_) => Attempt::Failed,
     };
     if !matches!(attempt, Attempt::NothingMoved) {

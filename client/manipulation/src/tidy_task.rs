@@ -148,15 +148,6 @@ fn look<W: Workcell>(
     Ok(items)
 }
 
-/// Returns whether the arm has not moved before this error.
-fn moves_nothing(error: &PickError) -> bool {
-    match error {
-        PickError::NoGrasp { .. } | PickError::Unreachable { .. } => true,
-        PickError::Plan { step, .. } => *step == Step::PreGrasp,
-        _ => false,
-    }
-}
-
 /// Tries to bring an object into its container, and counts that if the arm moved. `first` skips grasps.
 fn attempt<W: Workcell>(
     picker: &mut Picker<W>,
@@ -170,7 +161,7 @@ fn attempt<W: Workcell>(
     let (container, destination) = container_of(item.class);
     picker.notify(&TaskEvent::Chosen { item, destination });
     let outcome = picker.pick_and_place(item, &others, container, first);
-    if !outcome.as_ref().is_err_and(moves_nothing) {
+    if !outcome.as_ref().is_err_and(PickError::moves_nothing) {
         report.attempts += 1;
         report.log.push((item.id, outcome.is_ok()));
     }
@@ -211,7 +202,7 @@ fn run<W: Workcell>(
                     blocked = 0;
                 }
                 // Perhaps another object is in the way, or the place where the arm is now.
-                Err(error) if moves_nothing(&error) => {
+                Err(error) if error.moves_nothing() => {
                     tracing::info!(%error, "skipped");
                     report.left.push((item.label.clone(), error.to_string()));
                     continue;
@@ -266,10 +257,10 @@ mod tests {
             step,
             source: PlanFailure::NoLine,
         };
-        assert!(moves_nothing(&plan(Step::PreGrasp)));
-        assert!(!moves_nothing(&plan(Step::Transport)));
+        assert!(plan(Step::PreGrasp).moves_nothing());
+        assert!(!plan(Step::Transport).moves_nothing());
         let item = "box".to_owned();
-        assert!(!moves_nothing(&PickError::Missed { item }));
+        assert!(!PickError::Missed { item }.moves_nothing());
     }
 
     #[test]

@@ -141,6 +141,7 @@ fn run(words: &Words) -> Result<bool, Failure> {
         late: ours.late - before.late,
         // Since the start of the driver: a later maximum is not known.
         longest: ours.longest,
+        delays: ours.delays,
     };
     let idle = idle.join().map_err(|_| "the idle thread panicked")??;
     let bare = bare.join().map_err(|_| "the bare exchange panicked")??;

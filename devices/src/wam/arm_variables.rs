@@ -8,6 +8,7 @@
 //! | `coulomb_friction` | the simulated arm | of each joint, Nm |
 //! | `viscous_friction` | the simulated arm | of each joint, Nm s/deg |
 //! | `status` | the arm on its bus | its state, in words; read only |
+//! | `timing` | the arm on its bus | how late control periods began, and real-time settings of control, in words; read only |
 //! | `confirm_home` | the arm on its bus | 1 if its position is known; set to 1, it confirms that the arm is folded at home |
 //! | `zero_angles` | the arm on its bus | `zeroangle` of libbarrett's `zerocal.conf`, rad, used at the next confirmation |
 //! | `puck.VERS` and others | the arm on its bus | a property of each motor's puck, in its own units; read only |

@@ -116,6 +116,11 @@ pub enum PickError {
         /// Distance from the set point, rad.
         error: f64,
     },
+    /// The hand holds something that no task here has picked, such as after a task that ended on its way.
+    #[error(
+        "the hand holds something: take it, open the hand (`GO` in its own language, or by `yarp view --control`), and start again"
+    )]
+    HoldsSomething,
     /// A stop was requested: the arm holds, the hand keeps its grip.
     #[error("stopped during {step}")]
     Stopped {
@@ -130,6 +135,17 @@ pub enum PickError {
         /// The failed call.
         source: WorkcellError,
     },
+}
+
+impl PickError {
+    /// Returns whether the arm has not moved before this error: such an attempt does not count.
+    pub(crate) fn moves_nothing(&self) -> bool {
+        match self {
+            Self::NoGrasp { .. } | Self::Unreachable { .. } => true,
+            Self::Plan { step, .. } => *step == Step::PreGrasp,
+            _ => false,
+        }
+    }
 }
 
 /// A failure of planning.
@@ -204,6 +220,22 @@ const MAX_RESTS: usize = 4;
 /// Number of motions to the place of an object, each slower than the one before, that may be blocked before the arm holds.
 const MAX_TRANSPORTS: usize = 3;
 
+/// Asks the hand which clutches hold.
+const CLUTCHES: &str = "FGET BD";
+
+/// Returns whether fingers on both sides have met something, by the reply to [`CLUTCHES`]; `None` if the hand does not tell.
+fn is_held(reply: &str) -> Option<bool> {
+    let flags: Vec<bool> = reply
+        .split_whitespace()
+        .filter_map(|word| word.parse::<i32>().ok())
+        .map(|flag| flag != 0)
+        .collect();
+    match flags[..] {
+        [one, two, three, ..] => Some(three && (one || two)),
+        _ => None,
+    }
+}
+
 /// Picks and places objects with one arm and hand.
 #[derive(Debug)]
 pub struct Picker<W> {
@@ -230,7 +262,7 @@ pub struct Picker<W> {
 impl<W: Workcell> Picker<W> {
     /// Returns a picker for an arm whose model includes the hand as a load.
     ///
-    /// Errors: [`PickError::Workcell`] if arm or hand are not ready.
+    /// Errors: [`PickError::Workcell`] if arm or hand are not ready, [`PickError::HoldsSomething`].
     pub fn new(
         mut cell: W,
         model: WamModel<7>,
@@ -244,6 +276,10 @@ impl<W: Workcell> Picker<W> {
         // Encoders read a little beyond a limit at which the arm rests.
         let at = model.chain.clamp(&cell.joints().map_err(failed)?);
         let spread = cell.fingers().map_err(failed)?[3] as i32;
+        // The first motion of the hand would drop it, wherever the arm is.
+        if is_held(&cell.command_hand(CLUTCHES).map_err(failed)?) == Some(true) {
+            return Err(PickError::HoldsSomething);
+        }
         let mut options = options;
         options.grasp.surface = surroundings.surface;
         let fillings = surroundings.containers.map(Filling::new);
@@ -584,18 +620,10 @@ impl<W: Workcell> Picker<W> {
 
     /// Returns whether the fingers closed without meeting anything: the clutch of F3, or those of F1 and F2, held.
     fn is_empty(&mut self, step: Step) -> Result<bool, PickError> {
-        let reply = self.hand(step, "FGET BD")?;
-        let flags: Vec<bool> = reply
-            .split_whitespace()
-            .filter_map(|word| word.parse::<i32>().ok())
-            .map(|flag| flag != 0)
-            .collect();
-        tracing::debug!(?flags, %step, "clutches");
-        let [one, two, three, ..] = flags[..] else {
-            // A hand that does not tell is not trusted to hold anything.
-            return Ok(true);
-        };
-        Ok(!three || !(one || two))
+        let reply = self.hand(step, CLUTCHES)?;
+        tracing::debug!(reply, %step, "clutches");
+        // A hand that does not tell is not trusted to hold anything.
+        Ok(is_held(&reply) != Some(true))
     }
 
     fn hand(&mut self, step: Step, line: &str) -> Result<String, PickError> {

@@ -14,9 +14,10 @@ const CORRECTION_TIME: f64 = 0.12;
 const MAX_CORRECTION: f64 = 0.06;
 /// Maximum change of a correction, rad: a larger step would be a jerk.
 const MAX_CORRECTION_STEP: f64 = 0.015;
-/// Tracking errors, as parts of the maximum, from which on a motion slows down and at which its set point waits for the arm.
-const SLOWS_FROM: f64 = 0.4;
-const WAITS_AT: f64 = 0.8;
+/// Tracking errors, as parts of the maximum, from which on a motion slows down and at which its set point waits for the arm: an
+/// arm that gets set points again after some were lost must not be so far behind that it becomes too fast.
+const SLOWS_FROM: f64 = 0.16;
+const WAITS_AT: f64 = 0.32;
 /// Part of the planned pace below which the arm counts as not moving on, and the time after which it is blocked, s.
 const MIN_PACE: f64 = 0.1;
 const BLOCKED_TIME: f64 = 1.0;

@@ -3,6 +3,8 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
+#[cfg(target_os = "linux")]
+use crate::real_time::RealTime;
 use crate::simulation::SafetyLimits;
 use crate::wam::AXES;
 
@@ -42,6 +44,9 @@ pub struct CanOptions {
     pub home_confirmed: bool,
     /// Limits of the safety module; its heartbeat cannot be set.
     pub limits: SafetyLimits,
+    /// Real-time settings of the control thread, as far as the system permits them.
+    #[cfg(target_os = "linux")]
+    pub real_time: RealTime,
 }
 
 /// 500 Hz as libbarrett, and the limits that the safety module has at power-up.
@@ -60,6 +65,8 @@ impl Default for CanOptions {
             position_file: None,
             home_confirmed: false,
             limits: SafetyLimits::default(),
+            #[cfg(target_os = "linux")]
+            real_time: RealTime::default(),
         }
     }
 }

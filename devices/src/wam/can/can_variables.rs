@@ -13,6 +13,8 @@ use crate::wam::can::arm_startup::limits_in_units;
 use crate::{DeviceError, VariableValue};
 
 const STATUS: &str = "status";
+/// Delays of the control periods, and real-time settings of their thread.
+const TIMING: &str = "timing";
 /// 1 if the position is known. Setting it to 1 confirms that the arm is folded at home.
 const CONFIRM_HOME: &str = "confirm_home";
 /// Angles of the rotors with the joints at zero, rad, for the next confirmation; none if they are not known.
@@ -46,7 +48,7 @@ const SAFETY: [(&str, PuckProperty); 8] = [
 
 pub(super) fn names() -> impl Iterator<Item = String> {
     let properties = MOTOR.iter().chain(&SAFETY).map(|(name, _)| *name);
-    [STATUS, CONFIRM_HOME, ZERO_ANGLES]
+    [STATUS, TIMING, CONFIRM_HOME, ZERO_ANGLES]
         .into_iter()
         .chain(properties)
         .map(str::to_owned)
@@ -62,6 +64,12 @@ fn named(
 pub(super) fn variable(device: &CanWam, name: &str) -> Result<Vec<VariableValue>, DeviceError> {
     if name == STATUS {
         return Ok(vec![VariableValue::Text(device.status().to_string())]);
+    }
+    if name == TIMING {
+        let status = device.status();
+        let (delays, scheduling) = (status.delays, status.scheduling);
+        let text = format!("delays of control periods: {delays}; {scheduling}");
+        return Ok(vec![VariableValue::Text(text)]);
     }
     let whole = |value: i32| VariableValue::Integer(value.into());
     if name == CONFIRM_HOME {

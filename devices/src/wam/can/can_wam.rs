@@ -17,7 +17,7 @@ use super::{
 };
 use crate::can::puck::{Node, Pendant, PuckProperty};
 use crate::can::{BusError, CanBus};
-use crate::periodic_timer::{MissedCycles, PeriodicTimer};
+use crate::periodic_timer::{DelayHistogram, MissedCycles, PeriodicTimer};
 use crate::simulation::SafetyMode;
 use crate::wam::arm_device::{ArmDevice, ControlledArm, Shared};
 use crate::wam::{AXES, ArmControl, ArmError, WamModel};
@@ -107,6 +107,10 @@ pub struct CanStatus {
     pub periods: u64,
     /// Number of them that began more than a period late: the machine was busy.
     pub late_periods: u64,
+    /// Number of control periods by how late they began, since the arm was last connected.
+    pub delays: DelayHistogram,
+    /// Real-time settings of the control thread, in words; empty before it has any.
+    pub scheduling: String,
     /// Number of positions that did not arrive in time since then.
     pub missed_replies: u64,
     /// Last temperatures of the pucks, °C: queried one after the other, some times a second.
@@ -227,6 +231,7 @@ impl CanArm {
             connections: self.status.connections + 1,
             last_error: self.status.last_error.take(),
             loss: self.status.loss.take(),
+            scheduling: std::mem::take(&mut self.status.scheduling),
             ..CanStatus::default()
         };
     }
@@ -401,6 +406,11 @@ impl ArmDevice<CanArm> {
                         warn!(%error, "no thread to keep the last known position of the arm");
                     }
                 }
+                #[cfg(target_os = "linux")]
+                {
+                    let applied = options.real_time.apply().to_string();
+                    shared.lock().arm.status.scheduling = applied;
+                }
                 run(shared, link, open, &options);
             });
         })
@@ -533,6 +543,7 @@ fn drive(
             let mut timed = shared.lock();
             timed.stamp();
             timed.arm.status.late_periods = timer.statistics().late;
+            timed.arm.status.delays = timer.statistics().delays;
             let torques = timed.arm.period(link, counts);
             let brakes = std::mem::take(&mut timed.arm.brake_requested);
             let property_request = link
