@@ -225,7 +225,7 @@ fn placed(scene: &Scene) -> Vec<u32> {
 }
 
 /// Tidies a table; returns whether the run is as it has to be.
-fn run(seed: u64, count: usize) -> Result<bool, Box<dyn std::error::Error>> {
+pub fn run(seed: u64, count: usize) -> Result<bool, Box<dyn std::error::Error>> {
     let Ok(scene) = Scene::random(seed, &Placement::default().with_count(count)) else {
         println!("{seed}: no room");
         return Ok(true);

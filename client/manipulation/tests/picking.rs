@@ -285,14 +285,8 @@ fn an_object_that_is_lost_on_the_way_is_noticed() {
 }
 
 /// Interrupts a lift and returns the error; the object must stay in the hand for two seconds.
-fn interrupted(stop: Option<Stop>) -> PickError {
-    let (table, _, item) = table(
-        Shape::Box {
-            size: [0.06, 0.09, 0.08],
-        },
-        0.55,
-        0.05,
-    );
+fn interrupted(stop: Option<Stop>) -> (Shared, PickError) {
+    let (table, _, item) = table(BOX, 0.55, 0.05);
     let button = stop.clone().unwrap_or_default();
     let mut broken = false;
     let cell = Disturbed {
@@ -320,12 +314,12 @@ fn interrupted(stop: Option<Stop>) -> PickError {
         before > 0.05 && (height(&table) - before).abs() < 0.02,
         "{before}"
     );
-    error
+    (table, error)
 }
 
 #[test]
 fn a_stop_holds_the_arm_and_the_object() {
-    let error = interrupted(Some(Stop::default()));
+    let (_, error) = interrupted(Some(Stop::default()));
     assert!(
         matches!(error, PickError::Stopped { step: Step::Lift }),
         "{error}"
@@ -334,7 +328,7 @@ fn a_stop_holds_the_arm_and_the_object() {
 
 #[test]
 fn a_device_that_fails_leaves_the_object_in_the_hand() {
-    let error = interrupted(None);
+    let (_, error) = interrupted(None);
     assert!(
         matches!(
             error,
@@ -484,6 +478,34 @@ fn an_arm_that_was_switched_off_stays_off() {
         .read_control_modes(Axes::All, &mut modes);
     read.expect("the simulation has modes");
     assert_eq!(modes, [Mode::Idle; 7]);
+}
+
+/// The arm was so far behind when set points came again that its safety module stopped it.
+#[test]
+fn set_points_that_are_lost_for_a_while_stop_no_arm() {
+    for begin in [60, 90, 120, 150] {
+        let mut count = 0;
+        let (table, mut picker, item) = deaf(0, move |_| {
+            count += 1;
+            !(begin..begin + 20).contains(&count)
+        });
+        let placed = picker.pick_and_place(&item, &[], 0, 0);
+        placed.unwrap_or_else(|error| panic!("lost from {begin} on: {error}"));
+        let fault = table.borrow().simulation.arm().simulator().safety().fault();
+        assert_eq!(fault, None, "lost from {begin} on");
+    }
+}
+
+/// The first motion of the hand would drop it.
+#[test]
+fn a_hand_that_holds_something_is_not_opened_at_the_start() {
+    let (table, _) = interrupted(Some(Stop::default()));
+    let error = support::picker(SimulatedCell(table.clone())).err();
+    let refused = matches!(error, Some(PickError::HoldsSomething));
+    assert!(refused, "{error:?}");
+    let mut cell = SimulatedCell(table);
+    cell.command_hand("GO").expect("the hand opens");
+    support::picker(cell).expect("it is empty");
 }
 
 /// Picks with an arm that stops itself at the first set point for whose time, s, `stops` returns true, and picks again.

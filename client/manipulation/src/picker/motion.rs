@@ -16,8 +16,10 @@ const MAX_CORRECTION: f64 = 0.06;
 const MAX_CORRECTION_STEP: f64 = 0.015;
 /// Tracking errors, as parts of the maximum, from which on a motion slows down and at which its set point waits for the arm: an
 /// arm that gets set points again after some were lost must not be so far behind that it becomes too fast.
-const SLOWS_FROM: f64 = 0.16;
-const WAITS_AT: f64 = 0.32;
+const SLOWS_FROM: f64 = 0.12;
+const WAITS_AT: f64 = 0.24;
+/// Time in which a motion that waited gets its planned pace again, s.
+const PACE_RISE_TIME: f64 = 0.4;
 /// Part of the planned pace below which the arm counts as not moving on, and the time after which it is blocked, s.
 const MIN_PACE: f64 = 0.1;
 const BLOCKED_TIME: f64 = 1.0;
@@ -112,7 +114,8 @@ impl<W: Workcell> Picker<W> {
             self.command_or_stall(step)?;
             self.call(step, |cell| cell.wait(interval))?;
             let (joint, error) = self.tracking_error(step)?;
-            pace = self.pace(error);
+            // Slower at once, and faster again little by little: a start at full speed overshoots.
+            pace = self.pace(error).min(pace + interval / PACE_RISE_TIME);
             waiting = match pace < MIN_PACE {
                 true => waiting + interval,
                 false => 0.0,
