@@ -180,3 +180,29 @@ fn an_image_that_shows_nothing_is_an_error() {
     let output = files.detect("dark.png --json");
     assert_refused(&output, &["shows nothing", "lens cover"]);
 }
+
+/// Runs `yarp vision servo` for one trial with these options.
+fn servo(line: &str) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_yarp"))
+        .args(["vision", "servo", "--seed", "4", "--count", "1", "--json"])
+        .args(line.split_whitespace())
+        .output()
+        .unwrap()
+}
+
+#[test]
+fn servoing_corrects_an_approach_with_a_wrong_calibration() {
+    let output = servo("");
+    let text = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success(), "{output:?}");
+    assert!(
+        text.contains("\"passed\":true") && text.contains("\"arrived\":1"),
+        "{text}"
+    );
+}
+
+#[test]
+fn an_error_of_the_calibration_out_of_range_is_refused() {
+    let output = servo("--position-error 120");
+    assert_refused(&output, &["--position-error", "0 to 20", "120"]);
+}

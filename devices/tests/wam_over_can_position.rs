@@ -191,3 +191,26 @@ fn activation_outside_the_limits_moves_nothing() {
     // And commands lead it back.
     move_elbow(&rig, &arm, 170.0);
 }
+
+#[test]
+fn the_arm_tells_how_late_its_control_is_also_after_a_reconnection() {
+    let rig = Memory::new();
+    let arm = active(&rig);
+    let timing = || match &arm.variable("timing").unwrap()[..] {
+        [VariableValue::Text(text)] => text.clone(),
+        other => panic!("{other:?}"),
+    };
+    until("periods are counted", || !timing().contains("none"));
+    let scheduling = arm.status().scheduling;
+    // What an ordinary user is not granted is named too.
+    assert!(
+        scheduling.contains("priority") || scheduling.contains("SCHED_FIFO"),
+        "{scheduling}"
+    );
+    assert!(timing().ends_with(&scheduling), "{}", timing());
+    (rig.switch())(Plug::Pull);
+    until("the loss noticed", || !arm.status().connected);
+    (rig.switch())(Plug::PutBack);
+    until("the arm reconnected", || arm.status().connections == 2);
+    assert!(timing().ends_with(&scheduling), "{}", timing());
+}

@@ -25,6 +25,7 @@ const STOP_TIMEOUT: Duration = Duration::from_secs(10);
 const CONFIRM_HOME: &str = "confirm_home";
 const ZERO_ANGLES: &str = "zero_angles";
 const STATUS: &str = "status";
+const TIMING: &str = "timing";
 /// Answer that confirms.
 const YES: &str = "yes";
 
@@ -95,6 +96,10 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
             let board = connect(args.name).await?;
             let status = variable(&board, STATUS).await?;
             writeln!(out, "{}", text(&status))?;
+            // Only an arm on a bus has it.
+            if let Ok(timing) = variable(&board, TIMING).await {
+                writeln!(out, "{}", text(&timing))?;
+            }
             Ok(ExitCode::SUCCESS)
         }
     }

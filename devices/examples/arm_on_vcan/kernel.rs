@@ -163,4 +163,8 @@ fn five_hundred_periods_a_second_and_more(rig: &dyn Rig) {
         after.late_periods - before.late_periods,
         after.missed_replies - before.missed_replies,
     );
+    println!(
+        "  delays of control periods: {}; {}",
+        after.delays, after.scheduling
+    );
 }
