@@ -93,6 +93,12 @@ impl Lab {
     }
 }
 
+/// Waits for the result of a demo and its end.
+fn end_of(mut demo: Running) -> Ended {
+    assert!(demo.sees_within("\"wall_seconds\"", DEMO_TIMEOUT));
+    demo.finish()
+}
+
 #[test]
 fn a_table_is_tidied_in_front_of_viewers() {
     let _turn = turn();
@@ -108,9 +114,8 @@ fn a_table_is_tidied_in_front_of_viewers() {
         shown.starts_with("HTTP/1.1 200") && shown.contains("<html"),
         "{shown}"
     );
-    assert!(demo.sees_within("\"wall_seconds\"", DEMO_TIMEOUT));
     // Its exit code depends on how fast this machine is.
-    let ended = demo.finish();
+    let ended = end_of(demo);
     assert_eq!(value(&ended, "placed"), "1");
     assert_eq!(value(&ended, "detector"), "\"truth\"");
 }
@@ -119,10 +124,8 @@ fn a_table_is_tidied_in_front_of_viewers() {
 fn the_result_is_one_line_of_json_without_a_view() {
     let _turn = turn();
     let home = Home::new();
-    let mut demo =
-        home.start("demo tidy --objects 1 --seed 7002 --speed 3 --json --detector truth");
-    assert!(demo.sees_within("\"wall_seconds\"", DEMO_TIMEOUT));
-    let ended = demo.finish();
+    let demo = home.start("demo tidy --objects 1 --seed 7002 --speed 3 --json --detector truth");
+    let ended = end_of(demo);
     assert_eq!(ended.out.len(), 1, "{ended:?}");
     assert_eq!(value(&ended, "placed"), "1");
 }
@@ -131,22 +134,15 @@ fn the_result_is_one_line_of_json_without_a_view() {
 fn a_table_of_another_process_is_tidied_until_the_first_signal() {
     let _turn = turn();
     let home = Home::new();
-    let Lab {
-        server,
-        table,
-        mut demo,
-        viewer,
-    } = Lab::until(&home, [3, 7003, 2], "(phase lift)");
-    let told = viewer.printed().join(" ");
+    let mut lab = Lab::until(&home, [3, 7003, 2], "(phase lift)");
+    let told = lab.viewer.printed().join(" ");
     assert!(told.contains("into the basket of"), "{told}");
-    viewer.kill();
-    demo = demo.signal("INT");
-    assert!(demo.sees_within("\"wall_seconds\"", DEMO_TIMEOUT));
-    let ended = demo.finish();
+    lab.viewer.kill();
+    lab.demo = lab.demo.signal("INT");
+    let ended = end_of(lab.demo);
     assert_eq!(value(&ended, "stopped"), "true", "{ended:?}");
     assert_eq!(value(&ended, "attempts"), "1", "{ended:?}");
     assert_eq!(value(&ended, "error"), "null", "{ended:?}");
-    drop((table, server));
 }
 
 #[test]
@@ -174,8 +170,7 @@ fn objects_go_into_the_slots_that_another_program_commands() {
         2,
         "{told:?}"
     );
-    assert!(demo.sees_within("\"wall_seconds\"", DEMO_TIMEOUT));
-    let ended = demo.finish().with(0);
+    let ended = end_of(demo).with(0);
     assert_eq!(value(&ended, "placed"), "1");
 }
 
@@ -185,9 +180,8 @@ fn objects_go_into_the_slots_that_another_program_commands() {
 fn a_table_is_tidied_by_what_the_cameras_see() {
     let _turn = turn();
     let home = Home::new();
-    let mut demo = home.start("demo tidy --objects 2 --seed 7005 --speed 2 --json");
-    assert!(demo.sees_within("\"wall_seconds\"", DEMO_TIMEOUT));
-    let ended = demo.finish();
+    let demo = home.start("demo tidy --objects 2 --seed 7005 --speed 2 --json");
+    let ended = end_of(demo);
     assert_eq!(value(&ended, "detector"), "\"vision\"");
     assert_eq!(value(&ended, "placed"), "2", "{ended:?}");
 }
@@ -210,14 +204,9 @@ fn objects(home: &Home, truth: &str) -> Vec<(u32, f64)> {
 fn an_object_stays_in_the_hand_when_the_program_is_killed() {
     let _turn = turn();
     let home = Home::new();
-    let Lab {
-        server,
-        table,
-        demo,
-        viewer,
-    } = Lab::until(&home, [1, 7006, 2], "(phase place)");
-    demo.kill();
-    viewer.kill();
+    let lab = Lab::until(&home, [1, 7006, 2], "(phase place)");
+    lab.demo.kill();
+    lab.viewer.kill();
     let held = |height: f64| height > 0.15;
     let before = objects(&home, "/lab/truth/rpc:i");
     let (id, _) = *before
@@ -231,34 +220,25 @@ fn an_object_stays_in_the_hand_when_the_program_is_killed() {
         still.is_some_and(|(_, height)| held(*height)),
         "{before:?} {after:?}"
     );
-    drop((table, server));
 }
 
 #[test]
 fn a_name_server_that_restarts_disturbs_nothing() {
     let _turn = turn();
     let home = Home::new();
-    let Lab {
-        server,
-        table,
-        mut demo,
-        viewer,
-    } = Lab::until(&home, [1, 7007, 2], "(phase grasp)");
-    server.kill();
+    let lab = Lab::until(&home, [1, 7007, 2], "(phase grasp)");
+    lab.server.kill();
     // The arm grasps, lifts and carries meanwhile.
     std::thread::sleep(Duration::from_secs(2));
-    let server = home.serve();
-    assert!(demo.sees_within("\"wall_seconds\"", DEMO_TIMEOUT));
-    let ended = demo.finish().with(0);
+    let _server = home.serve();
+    let ended = end_of(lab.demo).with(0);
     assert_eq!(value(&ended, "released"), "1", "{ended:?}");
     assert_eq!(value(&ended, "error"), "null", "{ended:?}");
-    drop((table, server, viewer));
 }
 
 /// Returns the error with which a demo ends.
-fn error_of(mut demo: Running) -> String {
-    assert!(demo.sees_within("\"wall_seconds\"", DEMO_TIMEOUT));
-    value(&demo.finish().with(1), "error")
+fn error_of(demo: Running) -> String {
+    value(&end_of(demo).with(1), "error")
 }
 
 /// The program made the arm move again.
@@ -266,17 +246,12 @@ fn error_of(mut demo: Running) -> String {
 fn a_joint_that_somebody_made_idle_ends_the_demo_and_stays_idle() {
     let _turn = turn();
     let home = Home::new();
-    let Lab {
-        server,
-        table,
-        demo,
-        viewer,
-    } = Lab::until(&home, [1, 7006, 2], "(phase place)");
+    let lab = Lab::until(&home, [1, 7006, 2], "(phase place)");
     let idle: String = (0..7)
         .map(|joint| format!("set icmd cmod {joint} idl\n"))
         .collect();
     home.run_with("rpc /lab/wam/rpc:i", &idle);
-    let error = error_of(demo);
+    let error = error_of(lab.demo);
     assert!(
         error.contains("emergency stop") && error.contains("/lab/wam"),
         "{error}"
@@ -284,24 +259,17 @@ fn a_joint_that_somebody_made_idle_ends_the_demo_and_stays_idle() {
     let modes = home.run_with("rpc /lab/wam/rpc:i", "get icmd cmod 0\nget icmd cmod 3\n");
     let idle = modes.out.iter().filter(|line| line.contains("[idl]"));
     assert_eq!(idle.count(), 2, "{modes:?}");
-    drop((table, server, viewer));
 }
 
 #[test]
 fn a_table_that_does_not_answer_ends_the_demo() {
     let _turn = turn();
     let home = Home::new();
-    let Lab {
-        server,
-        mut table,
-        demo,
-        viewer,
-    } = Lab::until(&home, [1, 7006, 2], "(phase place)");
-    table = table.signal("STOP");
-    let error = error_of(demo);
+    let mut lab = Lab::until(&home, [1, 7006, 2], "(phase place)");
+    lab.table = lab.table.signal("STOP");
+    let error = error_of(lab.demo);
     assert!(
         error.contains("transport") && error.contains("/lab/wam"),
         "{error}"
     );
-    drop((table, server, viewer));
 }

@@ -60,12 +60,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
         let mut placed = 0;
         for (object, was) in scene.objects.iter().zip(&before) {
-            let basket = match object.class() {
-                Class::Glass => 1,
-                Class::Plate => 2,
-                _ => 0,
-            };
-            let inside = scene.baskets[basket].contains(&object.pose.translation.vector);
+            let inside = support::is_placed(scene, object);
             placed += usize::from(inside);
             if !inside || verbose {
                 println!(

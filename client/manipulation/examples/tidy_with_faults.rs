@@ -11,14 +11,13 @@ use std::cell::RefCell;
 use std::process::ExitCode;
 use std::rc::Rc;
 
-use nalgebra::Point3;
-use support::{Shared, SimulatedCell, Truth, shared};
+use support::{Intercepted, Interceptor, Shared, SimulatedCell, Truth, is_placed, shared};
 use yarp_devices::kinematics::Joints;
 use yarp_devices::{Axes, DeviceError, Mode};
 use yarp_manipulation::{
     DetectError, Detector, Item, PickError, TidyOptions, Workcell, WorkcellError, tidy,
 };
-use yarp_table::{Class, Object, Placement, Random, Scene, SimulationOptions, arm_model};
+use yarp_table::{Placement, Random, Scene, SimulationOptions, arm_model};
 
 /// Set points that one object takes, about: a fault comes at one of them.
 const SET_POINTS: f64 = 600.0;
@@ -37,7 +36,7 @@ enum Fault {
     ArmStops,
     /// All joints become idle and stay so.
     EmergencyStop,
-    /// As before, and a second later somebody releases it: the joints are in position mode.
+    /// An emergency stop that is released a second later: then the joints are in position mode.
     ReleasedStop,
     /// Set points are lost for a while.
     LostSetPoints,
@@ -133,17 +132,9 @@ impl FaultyCell {
     }
 }
 
-impl Workcell for FaultyCell {
-    fn prepare(&mut self) -> Result<(), WorkcellError> {
-        self.cell.prepare()
-    }
-
-    fn resume(&mut self) -> Result<(), WorkcellError> {
-        self.cell.resume()
-    }
-
-    fn joints(&mut self) -> Result<Joints<7>, WorkcellError> {
-        self.cell.joints()
+impl Interceptor for FaultyCell {
+    fn cell(&mut self) -> &mut SimulatedCell {
+        &mut self.cell
     }
 
     fn command(&mut self, joints: &Joints<7>) -> Result<(), WorkcellError> {
@@ -151,10 +142,6 @@ impl Workcell for FaultyCell {
             true => Ok(()),
             false => self.cell.command(joints),
         }
-    }
-
-    fn wait(&mut self, seconds: f64) -> Result<(), WorkcellError> {
-        self.cell.wait(seconds)
     }
 
     fn command_hand(&mut self, line: &str) -> Result<String, WorkcellError> {
@@ -165,18 +152,6 @@ impl Workcell for FaultyCell {
         }
         drop(plan);
         self.cell.command_hand(line)
-    }
-
-    fn fingers(&mut self) -> Result<[f64; 4], WorkcellError> {
-        self.cell.fingers()
-    }
-
-    fn look_into_containers(&mut self) -> Result<Vec<Point3<f64>>, WorkcellError> {
-        self.cell.look_into_containers()
-    }
-
-    fn hold(&mut self) -> Result<(), WorkcellError> {
-        self.cell.hold()
     }
 }
 
@@ -203,16 +178,6 @@ impl Detector for FaultyDetector {
         drop(plan);
         self.truth.detect()
     }
-}
-
-/// Returns whether an object is in its basket.
-fn is_placed(scene: &Scene, object: &Object) -> bool {
-    let basket = match object.class() {
-        Class::Glass => 1,
-        Class::Plate => 2,
-        _ => 0,
-    };
-    scene.baskets[basket].contains(&object.pose.translation.vector)
 }
 
 /// Returns the numbers of the objects in their baskets.
@@ -252,10 +217,10 @@ pub fn run(seed: u64, count: usize) -> Result<bool, Box<dyn std::error::Error>> 
         },
         plan: plan.clone(),
     };
-    let cell = FaultyCell {
+    let cell = Intercepted(FaultyCell {
         cell: SimulatedCell(table.clone()),
         plan: plan.clone(),
-    };
+    });
     let mut picker = support::picker(cell)?;
     let report = tidy(&mut picker, &mut detector, &TidyOptions::default());
     let error = report.error.as_ref().map(ToString::to_string);

@@ -6,7 +6,7 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Mutex};
 
 use nalgebra::{Rotation3, Vector3};
-use support::{Shared, SimulatedCell, Truth, item, shared};
+use support::{Intercepted, Interceptor, Shared, SimulatedCell, Truth, item, shared};
 use yarp_devices::kinematics::{Joints, Pose};
 use yarp_devices::{Axes, Mode};
 use yarp_manipulation::{
@@ -222,31 +222,14 @@ struct Disturbed<F> {
     before: F,
 }
 
-impl<F: FnMut(&Shared)> Workcell for Disturbed<F> {
-    fn prepare(&mut self) -> Result<(), WorkcellError> {
-        self.cell.prepare()
+impl<F: FnMut(&Shared)> Interceptor for Disturbed<F> {
+    fn cell(&mut self) -> &mut SimulatedCell {
+        &mut self.cell
     }
-    fn resume(&mut self) -> Result<(), WorkcellError> {
-        self.cell.resume()
-    }
-    fn joints(&mut self) -> Result<Joints<7>, WorkcellError> {
-        self.cell.joints()
-    }
+
     fn command(&mut self, joints: &Joints<7>) -> Result<(), WorkcellError> {
         (self.before)(&self.cell.0);
         self.cell.command(joints)
-    }
-    fn wait(&mut self, seconds: f64) -> Result<(), WorkcellError> {
-        self.cell.wait(seconds)
-    }
-    fn command_hand(&mut self, line: &str) -> Result<String, WorkcellError> {
-        self.cell.command_hand(line)
-    }
-    fn fingers(&mut self) -> Result<[f64; 4], WorkcellError> {
-        self.cell.fingers()
-    }
-    fn hold(&mut self) -> Result<(), WorkcellError> {
-        self.cell.hold()
     }
 }
 
@@ -265,7 +248,7 @@ fn an_object_that_is_lost_on_the_way_is_noticed() {
             0.55,
             0.05,
         );
-        let cell = Disturbed {
+        let cell = Intercepted(Disturbed {
             cell: SimulatedCell(table.clone()),
             before: |table: &Shared| {
                 let mut pose = table.borrow().simulation.scene().objects[0].pose;
@@ -274,7 +257,7 @@ fn an_object_that_is_lost_on_the_way_is_noticed() {
                     table.borrow_mut().simulation.place(0, pose);
                 }
             },
-        };
+        });
         let mut picker = support::picker(cell).expect("the simulated arm is ready");
         let error = picker.pick_and_place(&item, &[], 0, 0).unwrap_err();
         match error {
@@ -289,7 +272,7 @@ fn interrupted(stop: Option<Stop>) -> (Shared, PickError) {
     let (table, _, item) = table(BOX, 0.55, 0.05);
     let button = stop.clone().unwrap_or_default();
     let mut broken = false;
-    let cell = Disturbed {
+    let cell = Intercepted(Disturbed {
         cell: SimulatedCell(table.clone()),
         before: move |table: &Shared| {
             if height(table) > 0.06 {
@@ -303,7 +286,7 @@ fn interrupted(stop: Option<Stop>) -> (Shared, PickError) {
                 }
             }
         },
-    };
+    });
     let options = PickerOptions::default();
     let mut picker = Picker::new(cell, arm_model(), Surroundings::default(), options, button)
         .expect("the simulated arm is ready");
@@ -353,16 +336,11 @@ struct Deaf<F> {
     late: VecDeque<Joints<7>>,
 }
 
-impl<F: FnMut(&Shared) -> bool> Workcell for Deaf<F> {
-    fn prepare(&mut self) -> Result<(), WorkcellError> {
-        self.cell.prepare()
+impl<F: FnMut(&Shared) -> bool> Interceptor for Deaf<F> {
+    fn cell(&mut self) -> &mut SimulatedCell {
+        &mut self.cell
     }
-    fn resume(&mut self) -> Result<(), WorkcellError> {
-        self.cell.resume()
-    }
-    fn joints(&mut self) -> Result<Joints<7>, WorkcellError> {
-        self.cell.joints()
-    }
+
     fn command(&mut self, joints: &Joints<7>) -> Result<(), WorkcellError> {
         self.late.push_back(*joints);
         let heard = self.holds == 0 || (self.hears)(&self.cell.0);
@@ -371,22 +349,14 @@ impl<F: FnMut(&Shared) -> bool> Workcell for Deaf<F> {
             _ => Ok(()),
         }
     }
-    fn wait(&mut self, seconds: f64) -> Result<(), WorkcellError> {
-        self.cell.wait(seconds)
-    }
-    fn command_hand(&mut self, line: &str) -> Result<String, WorkcellError> {
-        self.cell.command_hand(line)
-    }
-    fn fingers(&mut self) -> Result<[f64; 4], WorkcellError> {
-        self.cell.fingers()
-    }
+
     fn hold(&mut self) -> Result<(), WorkcellError> {
         self.holds = self.holds.saturating_sub(1);
         self.cell.hold()
     }
 }
 
-type DeafPicker<F> = (Shared, Picker<Deaf<F>>, Item);
+type DeafPicker<F> = (Shared, Picker<Intercepted<Deaf<F>>>, Item);
 
 fn deaf<F: FnMut(&Shared) -> bool>(delay: usize, hears: F) -> DeafPicker<F> {
     deaf_until(1, delay, hears)
@@ -394,13 +364,13 @@ fn deaf<F: FnMut(&Shared) -> bool>(delay: usize, hears: F) -> DeafPicker<F> {
 
 fn deaf_until<F: FnMut(&Shared) -> bool>(holds: usize, delay: usize, hears: F) -> DeafPicker<F> {
     let (table, _, item) = table(BOX, 0.55, 0.05);
-    let cell = Deaf {
+    let cell = Intercepted(Deaf {
         cell: SimulatedCell(table.clone()),
         hears,
         holds,
         delay,
         late: VecDeque::new(),
-    };
+    });
     let picker = support::picker(cell);
     (table, picker.expect("the simulated arm is ready"), item)
 }

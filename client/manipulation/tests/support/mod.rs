@@ -219,6 +219,74 @@ impl Workcell for SimulatedCell {
     }
 }
 
+/// Something that comes between a task and a [`SimulatedCell`]: what it does not override goes through.
+pub trait Interceptor {
+    fn cell(&mut self) -> &mut SimulatedCell;
+
+    fn command(&mut self, joints: &Joints<7>) -> Result<(), WorkcellError> {
+        self.cell().command(joints)
+    }
+
+    fn command_hand(&mut self, line: &str) -> Result<String, WorkcellError> {
+        self.cell().command_hand(line)
+    }
+
+    fn hold(&mut self) -> Result<(), WorkcellError> {
+        self.cell().hold()
+    }
+}
+
+/// A workcell with an interceptor.
+pub struct Intercepted<I>(pub I);
+
+impl<I: Interceptor> Workcell for Intercepted<I> {
+    fn prepare(&mut self) -> Result<(), WorkcellError> {
+        self.0.cell().prepare()
+    }
+
+    fn resume(&mut self) -> Result<(), WorkcellError> {
+        self.0.cell().resume()
+    }
+
+    fn joints(&mut self) -> Result<Joints<7>, WorkcellError> {
+        self.0.cell().joints()
+    }
+
+    fn command(&mut self, joints: &Joints<7>) -> Result<(), WorkcellError> {
+        self.0.command(joints)
+    }
+
+    fn wait(&mut self, seconds: f64) -> Result<(), WorkcellError> {
+        self.0.cell().wait(seconds)
+    }
+
+    fn command_hand(&mut self, line: &str) -> Result<String, WorkcellError> {
+        self.0.command_hand(line)
+    }
+
+    fn fingers(&mut self) -> Result<[f64; 4], WorkcellError> {
+        self.0.cell().fingers()
+    }
+
+    fn look_into_containers(&mut self) -> Result<Vec<Point3<f64>>, WorkcellError> {
+        self.0.cell().look_into_containers()
+    }
+
+    fn hold(&mut self) -> Result<(), WorkcellError> {
+        self.0.hold()
+    }
+}
+
+/// Returns whether an object is in the basket of its class.
+pub fn is_placed(scene: &Scene, object: &yarp_table::Object) -> bool {
+    let basket = match object.class() {
+        yarp_table::Class::Glass => 1,
+        yarp_table::Class::Plate => 2,
+        _ => 0,
+    };
+    scene.baskets[basket].contains(&object.pose.translation.vector)
+}
+
 /// The truth about the table, with noise of a camera.
 pub struct Truth {
     pub table: Shared,
