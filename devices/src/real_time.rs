@@ -50,56 +50,54 @@ impl RealTime {
         lock_memory: false,
     };
 
-    /// Applies the settings to the calling thread, and locks the memory of its process. Logs what is refused.
+    /// Applies the settings to the calling thread, locks the memory of its process, and returns what the system granted. Logs
+    /// what it refused.
     ///
     /// Threads that the calling one starts later do not inherit its priority.
-    pub fn apply(&self) -> AppliedRealTime {
-        let asked = |refusal: Option<io::Result<()>>, what: &str, remedy: &str| match refusal? {
-            Ok(()) => Some(true),
-            Err(error) => {
+    pub fn apply(&self) -> Self {
+        let is_granted = |outcome: Option<io::Result<()>>, what: &str, remedy: &str| match outcome {
+            Some(Ok(())) => true,
+            Some(Err(error)) => {
                 tracing::warn!("control runs without {what}: {error}; {remedy}");
-                Some(false)
+                false
             }
+            None => false,
         };
-        let priority = asked(
+        let priority = is_granted(
             self.priority.map(set_priority),
             "real-time priority",
             "grant CAP_SYS_NICE or a real-time priority (`ulimit -r`)",
         );
-        let processor = asked(
+        let processor = is_granted(
             self.processor.map(bind),
             "a processor of its own",
             "name one that this machine has and that the process may use",
         );
-        let memory = asked(
+        let lock_memory = is_granted(
             self.lock_memory.then(lock_memory),
             "locked memory",
             "grant CAP_IPC_LOCK or `ulimit -l unlimited`",
         );
-        let got = |granted: Option<bool>| granted == Some(true);
-        AppliedRealTime(Self {
-            priority: self.priority.filter(|_| got(priority)),
-            processor: self.processor.filter(|_| got(processor)),
-            lock_memory: got(memory),
-        })
+        Self {
+            priority: self.priority.filter(|_| priority),
+            processor: self.processor.filter(|_| processor),
+            lock_memory,
+        }
     }
 }
 
-/// Settings that the system granted.
-#[derive(Clone, Copy, Debug, Eq, PartialEq)]
-pub struct AppliedRealTime(pub RealTime);
-
-impl fmt::Display for AppliedRealTime {
+/// In words, for people.
+impl fmt::Display for RealTime {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.0.priority {
+        match self.priority {
             Some(priority) => write!(f, "SCHED_FIFO {priority}")?,
             None => write!(f, "no real-time priority")?,
         }
-        match self.0.processor {
+        match self.processor {
             Some(processor) => write!(f, ", processor {processor}")?,
             None => write!(f, ", any processor")?,
         }
-        match self.0.lock_memory {
+        match self.lock_memory {
             true => write!(f, ", memory locked"),
             false => write!(f, ", memory not locked"),
         }
@@ -165,7 +163,7 @@ mod tests {
             processor: Some(0),
             lock_memory: false,
         };
-        let applied = asked.apply().0;
+        let applied = asked.apply();
         let (policy, priority, processors) = schedule();
         // An ordinary user is refused the priority.
         match applied.priority {
@@ -184,18 +182,18 @@ mod tests {
                 processor: Some(processor),
                 ..RealTime::NONE
             };
-            assert_eq!(asked.apply().0, RealTime::NONE);
+            assert_eq!(asked.apply(), RealTime::NONE);
         }
-        let text = AppliedRealTime(RealTime::NONE).to_string();
+        let text = RealTime::NONE.to_string();
         assert_eq!(
             text,
             "no real-time priority, any processor, memory not locked"
         );
-        let text = AppliedRealTime(RealTime {
+        let text = RealTime {
             priority: Some(40),
             processor: Some(1),
             lock_memory: true,
-        });
+        };
         assert_eq!(
             text.to_string(),
             "SCHED_FIFO 40, processor 1, memory locked"

@@ -399,7 +399,7 @@ impl<const N: usize> State<N> {
                 }
             }
             Err(reason) => {
-                tracing::warn!(%reason, "the motion of the tool ends");
+                tracing::warn!(error = %reason, "the motion of the tool ends");
                 drop(self.end());
             }
         }

@@ -566,7 +566,7 @@ impl BarrettHand {
         line.baud = self.options.baud;
         line.version = None;
         self.connected.store(false, Ordering::Release);
-        warn!(path = %self.options.path, step, %source, "the line to the hand broke");
+        warn!(path = %self.options.path, step, error = %source, "the line to the hand broke");
         HandError::LineLost { step, source }
     }
 

@@ -115,7 +115,7 @@ fn run(
         }
         if found != fault {
             if let Some(why) = found {
-                warn!(%why, "the safety module stopped the simulated arm");
+                warn!(error = %why, "the safety module stopped the simulated arm");
             }
             fault = found;
         }

@@ -172,7 +172,7 @@ impl<W: Workcell> Picker<W> {
         };
         self.call(step, Workcell::resume)?;
         let (joint, error) = self.tracking_error(step)?;
-        tracing::info!(%refused, %step, "the arm stopped");
+        tracing::info!(error = %refused, %step, "the arm stopped");
         Err(PickError::Blocked { step, joint, error })
     }
 

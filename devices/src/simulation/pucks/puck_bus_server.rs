@@ -48,7 +48,7 @@ pub fn serve_pucks(
             continue;
         };
         if let Err(why) = talk(open_bus.as_mut(), pucks, &mut frames, now + period) {
-            warn!(%why, "simulated pucks lost the bus");
+            warn!(error = %why, "simulated pucks lost the bus");
             bus = None;
         }
     }
