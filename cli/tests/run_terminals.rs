@@ -26,9 +26,11 @@ exec "$@" <> keyboard > screen 2>&1
 "#;
 
 /// Stands for a terminal that connects itself `LATE` seconds after its ports are there.
+///
+/// The signal that closes it does not reach its reader: `yarp read` discards what it has not printed yet.
 const LATE_WINDOW: &str = r#"cd "$(dirname "$0")"
 while [ $# -gt 1 ]; do shift; done
-YARP read "$1/stdio:i" > screen &
+setsid timeout 100 YARP read "$1/stdio:i" once > screen &
 sleep LATE
 YARP connect "$1/stdout" "$1/stdio:i"
 wait
