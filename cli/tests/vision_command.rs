@@ -58,6 +58,7 @@ impl Files {
             image_rms: 0.1,
             transforms: with_pose.then(|| (camera.pose, Pose::identity())),
             back_projection_rms: with_pose.then_some(1.0),
+            scene: None,
         };
         file.write(&self.path(name)).unwrap();
     }

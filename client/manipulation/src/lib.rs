@@ -3,7 +3,7 @@
 //! | module | content |
 //! | --- | --- |
 //! | `item`, `detector` | [`Item`]: an object to grasp; [`Detector`]: where objects come from |
-//! | `grasp/` | [`Grasp`]: hand pose and finger openings per shape, from the kinematics of the fingers |
+//! | `grasp/` | [`Grasp`]: hand pose and finger openings per shape, from the kinematics of the fingers; [`GraspScripts`] |
 //! | `posture` | [`PostureSolver`]: inverse kinematics that prefers low gravity torques |
 //! | `workcell` | [`Workcell`]: the calls of arm and hand that the steps need |
 //! | `remote_workcell` | [`RemoteWorkcell`]: arm and hand on the network |
@@ -35,7 +35,7 @@ mod workcell;
 
 pub use detector::{DetectError, Detector};
 pub use filling::{Filling, Spot};
-pub use grasp::{Grasp, GraspOptions, grasps};
+pub use grasp::{Grasp, GraspOptions, GraspScripts, ScriptError, grasps};
 pub use item::{Class, Item, ItemShape};
 pub use low_torque_ik::{PostureError, PostureSolver};
 pub use picker::{PickError, Picker, PickerOptions, Step};

@@ -10,8 +10,8 @@ use support::{Intercepted, Interceptor, Shared, SimulatedCell, Truth, item, shar
 use yarp_devices::kinematics::{Joints, Pose};
 use yarp_devices::{Axes, Mode};
 use yarp_manipulation::{
-    Item, ItemShape, PickError, Picker, PickerOptions, Step, Stop, Surroundings, TaskEvent,
-    TidyOptions, Workcell, WorkcellError, tidy,
+    GraspOptions, GraspScripts, Item, ItemShape, PickError, Picker, PickerOptions, Step, Stop,
+    Surroundings, TaskEvent, TidyOptions, Workcell, WorkcellError, grasps, tidy,
 };
 use yarp_table::{Finish, Random, Scene, Shape, SimulationOptions, arm_model};
 
@@ -108,6 +108,70 @@ fn a_glass_is_placed() {
 fn plates_stay_in_the_hand_on_the_way() {
     for (radius, height) in [(0.0905, 0.016), (0.0945, 0.020), (0.0995, 0.024)] {
         check_placed(Shape::Plate { radius, height }, 2);
+    }
+}
+
+/// Notes what the hand is told.
+struct Told {
+    cell: SimulatedCell,
+    lines: Arc<Mutex<Vec<String>>>,
+}
+
+impl Interceptor for Told {
+    fn cell(&mut self) -> &mut SimulatedCell {
+        &mut self.cell
+    }
+
+    fn command_hand(&mut self, line: &str) -> Result<String, WorkcellError> {
+        self.lines.lock().unwrap().push(line.to_owned());
+        self.cell.command_hand(line)
+    }
+}
+
+/// A glass is taken as its script says: with a spread that no computed grasp of it has. One without a script is taken as usual.
+#[test]
+fn a_listed_script_is_preferred_to_the_grasps_of_the_shape() {
+    let glass = Shape::Glass {
+        radius: 0.036,
+        height: 0.11,
+        wall: 0.003,
+    };
+    for (label, is_listed) in [("glass", true), ("vase", false)] {
+        let (table, _, item) = table(glass, 0.55, 0.05);
+        let usual = &grasps(&item, &GraspOptions::default())[0];
+        let spread = usual.spread + 60;
+        let away = usual.hand.translation.vector - item.pose.translation.vector;
+        // In the frame of the object, which is turned by its yaw; the direction of the usual grasp is 0.
+        let yaw = item.yaw();
+        let (x, y) = (
+            away.x * yaw.cos() + away.y * yaw.sin(),
+            away.y * yaw.cos() - away.x * yaw.sin(),
+        );
+        let database = format!(
+            r#"<objects><object name="{label}"><grasp name="rim" position="{x} {y} {}" turn="{}"
+                spread="{spread}" open="{}" contact="{}"/></object></objects>"#,
+            usual.hand.translation.z - item.top(),
+            -yaw.to_degrees(),
+            usual.open,
+            usual.contact
+        );
+        let lines = Arc::<Mutex<Vec<String>>>::default();
+        let told = Told {
+            cell: SimulatedCell(table.clone()),
+            lines: lines.clone(),
+        };
+        let mut picker = support::picker(Intercepted(told)).expect("the simulated arm is ready");
+        picker.prefer_scripts(GraspScripts::parse(&database, "test.xml").expect("it is complete"));
+        picker
+            .pick_and_place(&item, &[], 1, 0)
+            .expect("it is placed");
+        table.borrow_mut().step(1.0);
+        let table = table.borrow();
+        let scene = table.simulation.scene();
+        let place = scene.objects[0].pose.translation.vector;
+        assert!(scene.baskets[1].contains(&place), "{place}");
+        let by_script = lines.lock().unwrap().contains(&format!("SM {spread}"));
+        assert_eq!(by_script, is_listed, "{label}");
     }
 }
 

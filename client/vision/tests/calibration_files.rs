@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::Vector3;
 use yarp_vision::calibration::{CalibrationFile, Pattern};
-use yarp_vision::{Intrinsics, Pose};
+use yarp_vision::{Image, Intrinsics, PixelFormat, Pose};
 
 fn file() -> CalibrationFile {
     CalibrationFile {
@@ -22,6 +22,7 @@ fn file() -> CalibrationFile {
             Pose::new(Vector3::new(0.0, 0.1, 0.2), Vector3::new(0.3, -0.5, 1.0)),
         )),
         back_projection_rms: Some(0.9),
+        scene: None,
     }
 }
 
@@ -56,6 +57,51 @@ fn files_are_read_as_they_were_written() {
         alone.write(&path).unwrap();
         assert_eq!(CalibrationFile::read(&path).unwrap(), alone);
     }
+}
+
+/// A grey image of this size with a gradient.
+fn scene(width: usize, height: usize) -> Image {
+    let pixels: Vec<u8> = (0..width * height).map(|index| index as u8).collect();
+    Image::new(PixelFormat::Mono, width, height, pixels).unwrap()
+}
+
+#[test]
+fn the_scene_is_an_image_beside_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("lab.yml");
+    let mut file = file();
+    file.scene = Some(scene(1288, 964));
+    file.write(&path).unwrap();
+    assert!(folder.path().join("lab-scene.png").exists());
+    assert_eq!(CalibrationFile::read(&path).unwrap().scene, file.scene);
+    let refused = |name: &str| {
+        let text = fs::read_to_string(&path).unwrap();
+        let other = folder.path().join("other.yml");
+        fs::write(&other, text.replace("lab-scene.png", name)).unwrap();
+        CalibrationFile::read(&other).unwrap_err().to_string()
+    };
+    let error = refused("missing.png");
+    assert!(error.contains("scene_image"), "{error}");
+    let error = refused("../lab-scene.png");
+    assert!(error.contains("in the same folder"), "{error}");
+    file.scene = Some(scene(20, 10));
+    file.write(&folder.path().join("small.yml")).unwrap();
+    let error = refused("small-scene.png");
+    assert!(error.contains("expected 1288x964 pixels"), "{error}");
+}
+
+#[test]
+fn a_file_of_intrinsic_parameters_has_no_camera_pose() {
+    let mut file = file();
+    let path = Path::new("lab.yml");
+    let camera = file.camera(path).unwrap();
+    assert_eq!(Some(camera.pose), file.transforms.map(|(pose, _)| pose));
+    file.transforms = None;
+    let error = file.camera(path).unwrap_err().to_string();
+    assert!(
+        error.contains("lab.yml") && error.contains("yarp calibrate --output"),
+        "{error}"
+    );
 }
 
 /// Replaces a text of a written file and reads it again.

@@ -6,10 +6,12 @@ use std::path::{Path, PathBuf};
 
 use bytes::Bytes;
 use nalgebra::{Rotation3, Vector3};
-use yarp_table::{Camera, Effects, Finish, Renderer, Scene, Shape};
+use yarp_table::{Camera, Effects, Finish, Placement, Renderer, Scene, Shape};
 use yarp_vision::calibration::{
-    CalibrationError, CameraReference, Pattern, calibrate_intrinsics, detect,
+    CalibrationError, CameraReference, CameraWatch, Pattern, TOLERANCE, calibrate_intrinsics,
+    detect,
 };
+use yarp_vision::simulated::camera_model;
 use yarp_vision::{Image, Intrinsics, PixelFormat, Pose};
 
 fn photographs() -> Vec<PathBuf> {
@@ -180,4 +182,68 @@ fn a_camera_that_moved_is_detected() {
         matches!(size, Err(CalibrationError::Size { .. })),
         "{size:?}"
     );
+}
+
+/// A table full of objects, of which the first `count` are there.
+fn crowded(count: usize) -> Scene {
+    let mut scene = Scene::random(3, &Placement::default().with_count(12)).unwrap();
+    scene.objects.truncate(count);
+    scene
+}
+
+fn noisy(scene: &Scene, camera: &Camera, seed: u64) -> Image {
+    let effects = Effects {
+        seed,
+        ..Effects::default()
+    };
+    Renderer::new().render(scene, camera, &effects).image
+}
+
+/// Objects leave until none of the reference image is left; a camera that moves then is still noticed.
+#[test]
+fn a_watched_camera_may_see_all_objects_leave_but_may_not_move() {
+    let full = crowded(12);
+    let mut camera = full.camera();
+    camera.lens = camera.lens.scaled(0.5);
+    let model = camera_model(&camera);
+    let surface = full.table.surface;
+    let mut watch = CameraWatch::new(&noisy(&full, &camera, 1)).unwrap();
+    for count in (0..12).rev() {
+        let image = noisy(&crowded(count), &camera, 100 + count as u64);
+        let seen = watch.check(&image, &model, surface).unwrap();
+        assert!(seen.pixels < 1.0, "{count} objects: {seen:?}");
+    }
+    camera.pose.translation.x += 0.004;
+    let moved = watch.check(&noisy(&crowded(0), &camera, 2), &model, surface);
+    assert!(
+        matches!(moved, Err(CalibrationError::CameraMoved { .. })),
+        "{moved:?}"
+    );
+}
+
+/// 0.7 pixels with each object that leaves: less than the tolerance from one reference to the next.
+#[test]
+fn a_camera_that_creeps_is_noticed_through_all_references() {
+    let full = crowded(12);
+    let mut camera = full.camera();
+    camera.lens = camera.lens.scaled(0.5);
+    let model = camera_model(&camera);
+    let mut watch = CameraWatch::new(&noisy(&full, &camera, 1)).unwrap();
+    for (step, count) in (0..12).rev().step_by(2).enumerate() {
+        camera.pose.translation.y += 0.0008;
+        let image = noisy(&crowded(count), &camera, 200 + count as u64);
+        let pixels = 0.0008 * (step + 1) as f64 * model.intrinsics.focal[0] / 0.911;
+        match watch.check(&image, &model, full.table.surface) {
+            Ok(seen) => {
+                assert!((seen.pixels - pixels).abs() < 0.6, "{pixels}: {seen:?}");
+                assert!(pixels < TOLERANCE + 0.6, "{pixels} pixels were not noticed");
+            }
+            Err(CalibrationError::CameraMoved { .. }) => {
+                assert!(pixels > TOLERANCE - 0.6, "{pixels} pixels");
+                return;
+            }
+            Err(error) => panic!("{error}"),
+        }
+    }
+    panic!("the camera crept away");
 }

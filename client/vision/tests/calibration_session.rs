@@ -13,11 +13,11 @@ use yarp_client::{Camera, Network, Robot};
 use yarp_devices::kinematics::Joints;
 use yarp_nameserver::{Server, ServerOptions};
 use yarp_planning::Obstacle;
-use yarp_table::{LiveOptions, LiveTable, MountedBoard, SURFACE, Scene, Shape};
+use yarp_table::{Effects, LiveOptions, LiveTable, MountedBoard, Renderer, SURFACE, Scene, Shape};
 use yarp_vision::Pose;
 use yarp_vision::calibration::{
-    CalibrationError, HandEye, Pattern, Session, SessionOptions, SolveOptions, View, calibrate,
-    table_obstacle,
+    CalibrationError, CameraReference, HandEye, Pattern, Session, SessionOptions, SolveOptions,
+    View, calibrate, table_obstacle,
 };
 use yarp_vision::simulated::camera_model;
 
@@ -185,6 +185,20 @@ fn a_table_is_calibrated_and_each_failure_leaves_the_arm_at_rest() {
     );
     let apart = found.hand_eye.camera.pose.inverse() * lab.guess.camera.pose;
     assert!(apart.translation.vector.norm() < 0.004, "{apart}");
+
+    // What the images show behind the arm is the scene by which a camera that has moved is noticed.
+    let behind = taken.scene.median().unwrap();
+    let reference = CameraReference::new(&behind).unwrap();
+    let moved_by = |shift: f64| {
+        let mut overhead = lab.table.scene().camera();
+        overhead.lens = overhead.lens.scaled(0.5);
+        overhead.pose.translation.x += shift;
+        let empty = Scene::empty();
+        let image = Renderer::new().render(&empty, &overhead, &Effects::default());
+        reference.displacement(&image.image).unwrap().pixels
+    };
+    assert!(moved_by(0.0) < 1.0, "{}", moved_by(0.0));
+    assert!(moved_by(0.004) > 2.5, "{}", moved_by(0.004));
 
     // A posture inside an obstacle.
     let mut below = lab.options(1);

@@ -1,13 +1,14 @@
 //! The start of a demo: a table and a name server in this process, or devices elsewhere, all found by their names.
 
 use std::io::{self, Write};
+use std::path::PathBuf;
 use std::time::Instant;
 
 use serde_json::Value;
 use yarp_client::ports::blocking::wait;
 use yarp_client::{Hand, Network, RemoteClock, Robot};
 use yarp_manipulation::{
-    Detector, Picker, PickerOptions, RemoteWorkcell, Stop, Surroundings, Workcell,
+    Detector, GraspScripts, Picker, PickerOptions, RemoteWorkcell, Stop, Surroundings, Workcell,
 };
 use yarp_nameserver::{Server, ServerOptions};
 use yarp_table::{LiveOptions, LiveTable, Placement, Scene, arm_model};
@@ -44,6 +45,17 @@ pub enum TablePlace {
     Remote(Network, String),
 }
 
+/// Files that describe a real table.
+#[derive(Clone, Debug, Default)]
+pub struct TableFiles {
+    /// Calibration of the camera, with its pose.
+    pub calibration: Option<PathBuf>,
+    /// Calibration of the depth sensor, with its pose.
+    pub depth_calibration: Option<PathBuf>,
+    /// Object database: sizes and prints for the detector, grasping scripts for the hand.
+    pub database: Option<PathBuf>,
+}
+
 /// Options of the demos on the table.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
@@ -58,6 +70,8 @@ pub struct TableDemoOptions {
     pub noise: f64,
     /// Source of the objects.
     pub detector: DetectorChoice,
+    /// Descriptions of the table; by default those of the simulated one.
+    pub files: TableFiles,
     /// Place of the table.
     pub place: TablePlace,
     /// Serves a live view of a table in this process, which shows these log lines.
@@ -74,6 +88,7 @@ impl Default for TableDemoOptions {
             speed: 2.0,
             noise: NOISE,
             detector: DetectorChoice::default(),
+            files: TableFiles::default(),
             place: TablePlace::default(),
             view: None,
             control: false,
@@ -227,7 +242,11 @@ pub(super) fn connect(
         #[cfg(feature = "vision")]
         DetectorChoice::Vision => {
             let cameras = ["camera", "depth"].map(|name| format!("{prefix}/{name}"));
-            Box::new(super::RemoteVision::connect(network, cameras)?)
+            Box::new(super::RemoteVision::connect(
+                network,
+                cameras,
+                &options.files,
+            )?)
         }
     };
     let mut cell = RemoteWorkcell::new(arm, hand, [&names[0], &names[1]], options.speed);
@@ -243,7 +262,10 @@ pub(super) fn connect(
     let mut picking = PickerOptions::default();
     picking.seed = options.seed;
     let surroundings = Surroundings::default();
-    let picker = Picker::new(cell, arm_model(), surroundings, picking, stop.clone())?;
+    let mut picker = Picker::new(cell, arm_model(), surroundings, picking, stop.clone())?;
+    if let Some(database) = &options.files.database {
+        picker.prefer_scripts(GraspScripts::read(database)?);
+    }
     Ok((picker, detector))
 }
 

@@ -27,7 +27,7 @@ mod truth;
 mod vision;
 
 pub use container_view::ContainerView;
-pub use demo_session::{DetectorChoice, NOISE, TableDemoOptions, TablePlace};
+pub use demo_session::{DetectorChoice, NOISE, TableDemoOptions, TableFiles, TablePlace};
 pub use served_table::{ServedTable, ServedTableOptions};
 pub use truth::{RemoteTruth, serve_truth};
 #[cfg(feature = "vision")]
@@ -63,6 +63,13 @@ pub enum TableDemoError {
     #[cfg(feature = "vision")]
     #[error(transparent)]
     Vision(#[from] yarp_vision::VisionError),
+    /// A calibration file cannot be used.
+    #[cfg(feature = "vision")]
+    #[error(transparent)]
+    Calibration(#[from] yarp_vision::calibration::CalibrationError),
+    /// The grasping scripts cannot be used.
+    #[error(transparent)]
+    Script(#[from] yarp_manipulation::ScriptError),
     /// Arm or hand are not ready.
     #[error(transparent)]
     Pick(#[from] PickError),

@@ -7,11 +7,15 @@ use yarp_client::{Camera, Network};
 use yarp_devices::kinematics::Pose;
 use yarp_manipulation::{Class, DetectError, Detector, Item, ItemShape};
 use yarp_table::{DEPTH_FROM, DEPTH_STEP};
+use yarp_vision::calibration::{CalibrationError, CalibrationFile, CameraWatch};
 use yarp_vision::image_source::{ImageSource, RemoteImages};
 use yarp_vision::simulated::{table_database, table_setup};
 use yarp_vision::{
-    DepthImage, DetectorParameters, DetectorSetup, FoundObject, Frame, Shape, VisionError,
+    DepthImage, DetectorParameters, DetectorSetup, FoundObject, Frame, Image, ObjectDatabase,
+    Shape, VisionError,
 };
+
+use super::{TableDemoError, TableFiles};
 
 /// Name in reports.
 const NAME: &str = "vision";
@@ -26,13 +30,27 @@ const POLL_INTERVAL: Duration = Duration::from_millis(5);
 /// Largest distance of an object from where it was in the detection before, m.
 const SAME_PLACE: f64 = 0.03;
 
+/// What tells whether the camera has moved.
+#[derive(Debug)]
+enum Watch {
+    /// The first image will be the reference.
+    Begins,
+    Goes(CameraWatch),
+    /// The scene has nothing to recognise it by.
+    Impossible,
+}
+
 /// A detector that uses the colour camera and the depth sensor of a table.
+///
+/// Before an image counts it checks that the camera still stands where it was calibrated: by the scene in the calibration
+/// file, or else by the first image.
 #[derive(Debug)]
 pub struct RemoteVision {
     colour: RemoteImages,
     depth: RemoteImages,
     names: [String; 2],
     setup: DetectorSetup,
+    watch: Watch,
     detector: yarp_vision::Detector,
     /// Objects of the detection before, and the number of the next new one.
     known: Vec<Item>,
@@ -42,13 +60,34 @@ pub struct RemoteVision {
 impl RemoteVision {
     /// Connects to the cameras of these names.
     ///
-    /// Errors: those of [`Camera::connect_on`], and of the detector's prints.
-    pub fn connect(network: &Network, names: [String; 2]) -> Result<Self, VisionError> {
+    /// What no file is named for is that of the simulated table.
+    ///
+    /// Errors: those of [`Camera::connect_on`], of the files, and of the detector's prints.
+    pub fn connect(
+        network: &Network,
+        names: [String; 2],
+        files: &TableFiles,
+    ) -> Result<Self, TableDemoError> {
         let images = |name: &str| -> Result<RemoteImages, VisionError> {
             let camera = Camera::connect_on(network, name)?;
             Ok(RemoteImages::new(camera, STREAM_TIMEOUT))
         };
-        let setup = table_setup();
+        let mut setup = table_setup();
+        let mut watch = Watch::Begins;
+        if let Some(path) = &files.calibration {
+            let file = CalibrationFile::read(path)?;
+            setup.camera = file.camera(path)?;
+            if let Some(scene) = &file.scene {
+                watch = Watch::Goes(CameraWatch::new(scene)?);
+            }
+        }
+        if let Some(path) = &files.depth_calibration {
+            setup.depth = Some(CalibrationFile::read(path)?.camera(path)?);
+        }
+        let database = match &files.database {
+            Some(path) => ObjectDatabase::read(path)?,
+            None => table_database(),
+        };
         let parameters = DetectorParameters {
             // The camera sees less of the table than the arm reaches.
             beyond_image: true,
@@ -57,9 +96,10 @@ impl RemoteVision {
         Ok(Self {
             colour: images(&names[0])?,
             depth: images(&names[1])?,
-            detector: yarp_vision::Detector::new(table_database(), setup.clone(), parameters)?,
+            detector: yarp_vision::Detector::new(database, setup.clone(), parameters)?,
             names,
             setup,
+            watch,
             known: Vec::new(),
             next: 0,
         })
@@ -74,9 +114,39 @@ impl RemoteVision {
         let depth = depth.to_mono().map_err(failed)?.image;
         let depth = DepthImage::from_grey(&depth, f64::from(DEPTH_FROM), f64::from(DEPTH_STEP));
         let depth = depth.map_err(failed)?;
+        self.check_camera(&colour.image)?;
         self.detector
             .detect(&colour.image, Some(&depth))
             .map_err(failed)
+    }
+
+    /// Refuses an image of a camera that has moved, or whose lens is covered.
+    fn check_camera(&mut self, image: &Image) -> Result<(), DetectError> {
+        match &mut self.watch {
+            Watch::Impossible => Ok(()),
+            Watch::Goes(watch) => {
+                let seen = watch.check(image, &self.setup.camera, self.setup.surface);
+                tracing::debug!(?seen, "displacement of the camera");
+                seen.map(drop).map_err(|error| match error {
+                    CalibrationError::CameraMoved { pixels, .. } => {
+                        DetectError::CameraMoved { pixels }
+                    }
+                    other => failed(other),
+                })
+            }
+            Watch::Begins => {
+                self.watch = match CameraWatch::new(image) {
+                    Ok(watch) => Watch::Goes(watch),
+                    Err(error @ CalibrationError::SceneNotRecognised { .. }) => {
+                        let camera = &self.names[0];
+                        tracing::warn!(camera, %error, "nobody will notice if the camera moves");
+                        Watch::Impossible
+                    }
+                    Err(error) => return Err(failed(error)),
+                };
+                Ok(())
+            }
+        }
     }
 
     fn item(&mut self, found: &FoundObject) -> Option<Item> {

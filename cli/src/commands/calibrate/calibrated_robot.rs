@@ -9,7 +9,7 @@ use yarp_vision::calibration::{
     Calibration, CalibrationError, CalibrationFile, HandEye, Session, SessionOptions, SolveOptions,
     View, calibrate, table_obstacle,
 };
-use yarp_vision::{CameraModel, Intrinsics, Pose};
+use yarp_vision::{CameraModel, Image, Intrinsics, Pose};
 
 use super::{Args, calibration_output, failed};
 use crate::commands::code;
@@ -32,8 +32,8 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         (found, args)
     });
     let (found, args) = running.await.expect("a calibration does not panic");
-    let found = found.map_err(failed)?;
-    calibration_output::write_files(&args, &found)?;
+    let (found, scene) = found.map_err(failed)?;
+    calibration_output::write_files(&args, &found, scene)?;
     let target = args.target.unwrap_or(calibration_output::TARGET);
     let passed = found.errors.back_projection <= target;
     if args.json {
@@ -45,7 +45,8 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     Ok(code(passed))
 }
 
-fn calibrate_robot(network: &Network, args: &Args) -> Calibrated<Calibration> {
+/// Returns the calibration, and the scene without the arm.
+fn calibrate_robot(network: &Network, args: &Args) -> Calibrated<(Calibration, Option<Image>)> {
     let (arm, camera) = connect(network, &args.arm, &args.camera)?;
     let pattern = args.pattern.with_square(args.square * 1e-3)?;
     let guess = guess(args)?;
@@ -55,8 +56,10 @@ fn calibrate_robot(network: &Network, args: &Args) -> Calibrated<Calibration> {
     options.seed = args.seed;
     options.scene = table_obstacle(TABLE);
     let taken = Session::new(&arm, &camera, options).run(|_, _| true)?;
+    let scene = taken.scene.median();
     let views: Vec<View> = taken.views.into_iter().map(|(view, _)| view).collect();
-    calibrate(&pattern, size, &views, &SolveOptions::default())
+    let found = calibrate(&pattern, size, &views, &SolveOptions::default())?;
+    Ok((found, scene))
 }
 
 /// Connects to arm and camera.

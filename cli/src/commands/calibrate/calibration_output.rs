@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use yarp_vision::calibration::{
     Calibration, CalibrationFile, ErrorReport, PoseErrors, write_figure,
 };
-use yarp_vision::{Intrinsics, Pose};
+use yarp_vision::{Image, Intrinsics, Pose};
 
 use super::{Args, failed};
 use crate::error::Result;
@@ -135,7 +135,7 @@ pub(super) fn print(found: &Calibration, out: &mut dyn Write) -> Result<()> {
 }
 
 /// Writes the files that were asked for.
-pub(super) fn write_files(args: &Args, found: &Calibration) -> Result<()> {
+pub(super) fn write_files(args: &Args, found: &Calibration, scene: Option<Image>) -> Result<()> {
     if let Some(path) = &args.output {
         let file = CalibrationFile {
             intrinsics: found.hand_eye.camera.intrinsics,
@@ -143,6 +143,7 @@ pub(super) fn write_files(args: &Args, found: &Calibration) -> Result<()> {
             image_rms: found.errors.image_pixels,
             transforms: Some((found.hand_eye.camera.pose, found.hand_eye.grid_to_hand)),
             back_projection_rms: Some(found.errors.back_projection),
+            scene,
         };
         file.write(path).map_err(failed)?;
     }

@@ -61,6 +61,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Result<ExitCode> {
             image_rms: found.rms,
             transforms: None,
             back_projection_rms: None,
+            scene: None,
         };
         file.write(path).map_err(failed)?;
     }

@@ -13,11 +13,11 @@ use yarp_table::{
     CAMERA_HEIGHT, Camera, Lens, LiveOptions, LiveTable, MIDDLE, MountedBoard, Random, SURFACE,
     Scene, Shape,
 };
-use yarp_vision::Pose;
 use yarp_vision::calibration::{
     Calibration, CalibrationError, HandEye, Method, Pattern, Session, SessionOptions, SolveOptions,
     Taken, View, calibrate, grids, location_error, measure, solve, table_obstacle,
 };
+use yarp_vision::{Image, Pose};
 use yarp_wrappers::{
     ControlBoardOptions, ControlBoardServer, FrameGrabberOptions, FrameGrabberServer,
 };
@@ -70,8 +70,8 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     drop(names);
     // Joins its threads, which is no work for the executor.
     let _ = tokio::task::spawn_blocking(move || drop(table)).await;
-    let (found, mut row, passed) = found.map_err(failed)?;
-    calibration_output::write_files(&args, &found)?;
+    let (found, scene, mut row, passed) = found.map_err(failed)?;
+    calibration_output::write_files(&args, &found, scene)?;
     if args.json {
         row = calibration_output::with_target(
             row,
@@ -127,7 +127,7 @@ fn evaluate(
     pattern: &Pattern,
     truth: &Truth,
     table: &LiveTable,
-) -> Calibrated<(Calibration, Value, bool)> {
+) -> Calibrated<(Calibration, Option<Image>, Value, bool)> {
     let (arm, camera) = connect(network, "/wam", "/camera")?;
     let guess = nominal(pattern);
     let mut options = SessionOptions::new(*pattern, guess);
@@ -199,7 +199,7 @@ fn evaluate(
         .max(held_out_error)
         .max(truth_error);
     let passed = worst <= args.target.unwrap_or(calibration_output::TARGET);
-    Ok((found, row, passed))
+    Ok((found, taken.scene.median(), row, passed))
 }
 
 /// Adds noise to corners and to the poses of the hand.

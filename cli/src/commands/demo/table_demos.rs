@@ -1,6 +1,7 @@
 //! `yarp demo tidy` and `yarp demo reorder`: demos on the simulated table.
 
 use std::io::{self, Write};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
@@ -39,6 +40,17 @@ pub(super) struct TableArgs {
     /// Source of the objects: `vision` looks through the cameras (feature `vision`); `truth` asks the simulation, with noise
     #[arg(long, value_name = "NAME", default_value = DEFAULT_DETECTOR, value_parser = DETECTORS)]
     detector: String,
+    /// Calibration of the camera with its pose, as `yarp calibrate` writes it; without it that of the simulated table
+    #[cfg(feature = "vision")]
+    #[arg(long, value_name = "FILE")]
+    calibration: Option<PathBuf>,
+    /// Calibration of the depth sensor with its pose; without it that of the simulated table
+    #[cfg(feature = "vision")]
+    #[arg(long, value_name = "FILE")]
+    depth_calibration: Option<PathBuf>,
+    /// Object database, XML: sizes and prints for the detector `vision`, grasping scripts for the hand
+    #[arg(long, value_name = "FILE")]
+    database: Option<PathBuf>,
     /// Standard deviation of a detected place along x and y, mm
     #[arg(long, value_name = "MM", default_value_t = 1.0)]
     noise: f64,
@@ -68,7 +80,11 @@ impl TableArgs {
         #[cfg(feature = "vision")]
         if self.detector == "vision" {
             options.detector = yarp_demos::table::DetectorChoice::Vision;
+            options.files.calibration.clone_from(&self.calibration);
+            let depth = &mut options.files.depth_calibration;
+            depth.clone_from(&self.depth_calibration);
         }
+        options.files.database.clone_from(&self.database);
         if !self.json {
             options.view = self.view.log();
             options.control = self.view.control();

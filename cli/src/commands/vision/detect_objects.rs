@@ -10,7 +10,7 @@ use yarp_devices::image::image_file;
 use yarp_vision::calibration::CalibrationFile;
 use yarp_vision::{
     CameraModel, DepthImage, Detector, DetectorParameters, DetectorSetup, FoundObject,
-    ModelDatabase, ObjectDatabase, Recogniser, RecogniserParameters, VisionError, write_overlay,
+    ModelDatabase, ObjectDatabase, Recogniser, RecogniserParameters, write_overlay,
 };
 
 use super::failed;
@@ -119,14 +119,7 @@ fn detector(args: &Args) -> Result<Detector> {
     let camera = |path: &Option<PathBuf>| -> Result<CameraModel> {
         let path = path.as_deref().unwrap_or(Path::new(""));
         let file = CalibrationFile::read(path).map_err(failed)?;
-        let hand_eye = file.hand_eye().ok_or_else(|| VisionError::Unsuitable {
-            what: path.display().to_string(),
-            expected:
-                "a calibration with the pose of the camera, as `yarp calibrate --output` writes"
-                    .to_owned(),
-            actual: "intrinsic parameters alone".to_owned(),
-        });
-        Ok(hand_eye.map_err(failed)?.camera)
+        file.camera(path).map_err(failed)
     };
     let setup = DetectorSetup {
         camera: camera(&args.calibration)?,

@@ -8,6 +8,8 @@ use yarp_devices::hand::{FingerJoints, finger_coupling, finger_kinematics};
 pub(super) const SPREAD_COUNTS: f64 = 17.5;
 /// Position of a closed finger, counts.
 pub(crate) const FINGER_STOP: i32 = 17_500;
+/// Position of fingers spread as far as they go, 180 degrees, counts.
+pub(super) const SPREAD_STOP: i32 = 3150;
 /// Radius of the outer link with its rubber cover, m.
 pub(super) const TIP_RADIUS: f64 = 0.0095;
 /// Length of the outer link, m.

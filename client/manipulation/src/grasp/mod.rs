@@ -12,8 +12,11 @@
 //!
 //! F1 and F2 turn about axes 25 mm beside the middle of the hand. With a spread, the middle of the object is therefore not in
 //! the middle of the hand, so that all fingers touch it at the same time.
+//!
+//! `fingers` has the kinematics, `scripts` the grasps that an object database lists.
 
 mod fingers;
+mod scripts;
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -25,6 +28,7 @@ use crate::item::{Item, ItemShape};
 
 pub(crate) use fingers::finger_joints;
 use fingers::{FINGER_STOP, Reach, SPREAD_COUNTS, TIP_RADIUS, reach, side_clearance};
+pub use scripts::{GraspScripts, ScriptError};
 
 /// Angle between the place that F1 touches and the one opposite F3, when the fingers are equally far from each other, rad.
 const EQUAL_ANGLE: f64 = std::f64::consts::FRAC_PI_3;
@@ -213,21 +217,26 @@ fn grasp(item: &Item, options: &GraspOptions, direction: f64, meeting: Meeting) 
     }
     let middle = item.pose.translation.vector;
     let (sine, cosine) = direction.sin_cos();
-    // Columns: x, y and z of the hand.
-    let rotation = Matrix3::new(-sine, cosine, 0.0, cosine, sine, 0.0, 0.0, 0.0, -1.0);
     let place = Vector3::new(
         middle.x - meeting.shift * cosine,
         middle.y - meeting.shift * sine,
         height,
     );
-    let hand = Pose::from_parts(place.into(), Rotation3::from_matrix_unchecked(rotation));
     Some(Grasp {
-        hand,
+        hand: hand_pose(place, direction),
         spread: meeting.spread,
         open,
         contact,
         depth: lowest,
     })
+}
+
+/// Returns the pose of a hand that looks down, with F3 in this direction.
+fn hand_pose(place: Vector3<f64>, direction: f64) -> Pose {
+    let (sine, cosine) = direction.sin_cos();
+    // Columns: x, y and z of the hand.
+    let rotation = Matrix3::new(-sine, cosine, 0.0, cosine, sine, 0.0, 0.0, 0.0, -1.0);
+    Pose::from_parts(place.into(), Rotation3::from_matrix_unchecked(rotation))
 }
 
 /// Returns the largest distance of a fingertip from the hand's frame along z while the fingers close, m.

@@ -21,7 +21,7 @@ use yarp_planning::PlanError;
 
 use self::plan::{Line, PickPlan};
 use crate::filling::Filling;
-use crate::grasp::{Grasp, GraspOptions};
+use crate::grasp::{Grasp, GraspOptions, GraspScripts};
 use crate::item::Item;
 use crate::low_torque_ik::{PostureError, PostureSolver};
 use crate::stop_request::{Stop, StopRequest};
@@ -244,6 +244,7 @@ pub struct Picker<W> {
     solver: PostureSolver,
     surroundings: Surroundings,
     options: PickerOptions,
+    scripts: GraspScripts,
     stop: Stop,
     /// Posture that the arm was sent to last, without correction.
     at: Joints<7>,
@@ -289,6 +290,7 @@ impl<W: Workcell> Picker<W> {
             model,
             surroundings,
             options,
+            scripts: GraspScripts::default(),
             stop,
             at,
             correction: Joints::<7>::zeros(),
@@ -298,6 +300,11 @@ impl<W: Workcell> Picker<W> {
             unstrained: [0; 3],
             observer: Observer::default(),
         })
+    }
+
+    /// Prefers the grasps of an object database to those that follow from shapes.
+    pub fn prefer_scripts(&mut self, scripts: GraspScripts) {
+        self.scripts = scripts;
     }
 
     /// Calls `callback` for each event of the tasks that use this picker, in their thread: it must not block.

@@ -83,10 +83,12 @@ impl<W: Workcell> Picker<W> {
         let mut count = 0;
         let mut last = None;
         // What stands close together leaves less room for the fingers.
+        let mut scripted = self.scripts.grasps(item, &self.options.grasp);
         for narrower in OPENINGS {
             let mut options = self.options.grasp;
             options.opening *= narrower;
-            let all = grasps(item, &options);
+            let mut all = std::mem::take(&mut scripted);
+            all.extend(grasps(item, &options));
             count += all.len();
             let number = all.len();
             for grasp in all.into_iter().cycle().skip(first).take(number) {

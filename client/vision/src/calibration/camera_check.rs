@@ -11,11 +11,12 @@ use super::chessboard::check_light;
 use super::{CalibrationError, Result};
 use crate::{Image, Intrinsics, mat};
 
-/// Maximum number of points of the reference image that are looked for.
-const MAX_POINTS: i32 = 120;
+/// Columns and rows of tiles of the reference image, and maximum number of points of each that are looked for.
+const TILES: [i32; 2] = [8, 6];
+const POINTS_PER_TILE: i32 = 3;
 /// Distance between two of them as part of the width of the image.
 const SPACING: f64 = 0.03;
-/// Quality of the weakest point relative to the strongest.
+/// Quality of the weakest point of a tile relative to the strongest.
 const MIN_QUALITY: f64 = 0.02;
 /// Half the side of what is compared around a point, in pixels.
 const PATCH: i32 = 20;
@@ -47,6 +48,17 @@ pub struct Displacement {
     pub pixels: f64,
     /// Number of points that agree on it.
     pub matches: usize,
+    /// Displacement of each of these five.
+    pub(super) shifts: Shifts,
+}
+
+/// Displacements of the middle of an image and of the four points halfway to its corners, in pixels.
+pub(super) type Shifts = [[f64; 2]; 5];
+
+/// Returns the length of the largest displacement, in pixels.
+pub(super) fn largest(shifts: &Shifts) -> f64 {
+    let lengths = shifts.iter().map(|[x, y]| x.hypot(*y));
+    lengths.fold(0.0, f64::max)
 }
 
 impl CameraReference {
@@ -108,8 +120,17 @@ impl CameraReference {
         if matches < MIN_MATCHES || motion.empty() {
             return Err(unrecognised(matches));
         }
-        let pixels = largest_displacement(&motion, self.size)?;
-        Ok(Displacement { pixels, matches })
+        let shifts = shifts(&motion, self.size)?;
+        Ok(Displacement {
+            pixels: largest(&shifts),
+            matches,
+            shifts,
+        })
+    }
+
+    /// Returns the number of points that are looked for.
+    pub(super) fn points(&self) -> usize {
+        self.points.len()
     }
 
     /// Checks that the camera is where it was when it was calibrated: to be called before an image is used to move the arm.
@@ -127,14 +148,8 @@ impl CameraReference {
         distance: f64,
     ) -> Result<Displacement> {
         let found = self.displacement(image)?;
-        if found.pixels <= tolerance {
-            return Ok(found);
-        }
-        Err(CalibrationError::CameraMoved {
-            pixels: found.pixels,
-            millimetres: found.pixels / intrinsics.focal[0] * distance * 1e3,
-            tolerance,
-        })
+        check_pixels(found.pixels, intrinsics, tolerance, distance)?;
+        Ok(found)
     }
 
     /// Returns where the surroundings of a point of the reference are in another image.
@@ -191,51 +206,86 @@ fn blurred(image: &Image, name: &str) -> Result<Mat> {
     Ok(smooth)
 }
 
-/// Returns points whose surroundings are distinct in both directions, away from the border.
+/// Returns points whose surroundings are distinct in both directions, away from the border: the strongest ones of each tile.
+///
+/// The strongest ones of the whole image would be those of objects, which leave, and none of the table below them.
 fn distinct_points(grey: &Mat) -> Result<Vec<[i32; 2]>> {
-    let mut corners = Vector::<Point2f>::new();
-    let spacing = SPACING * f64::from(grey.cols());
-    good_features_to_track(
-        grey,
-        &mut corners,
-        MAX_POINTS,
-        MIN_QUALITY,
-        spacing,
-        &no_array(),
-        9,
-        false,
-        0.04,
-    )
-    .map_err(at("finding points of the scene"))?;
+    let step = "finding points of the scene";
     let reach = PATCH + MAX_DISPLACEMENT;
-    let points = corners
-        .iter()
-        .map(|corner| [corner.x.round() as i32, corner.y.round() as i32]);
-    Ok(points
-        .filter(|[x, y]| {
-            (reach..grey.cols() - reach).contains(x) && (reach..grey.rows() - reach).contains(y)
-        })
-        .collect())
+    let spacing = SPACING * f64::from(grey.cols());
+    let [columns, rows] = TILES;
+    let (width, height) = (grey.cols() - 2 * reach, grey.rows() - 2 * reach);
+    let mut points = Vec::new();
+    if width < columns || height < rows {
+        return Ok(points);
+    }
+    for tile in 0..columns * rows {
+        let (column, row) = (tile % columns, tile / columns);
+        let edge = |index: i32, count: i32, length: i32| reach + index * length / count;
+        let (left, top) = (edge(column, columns, width), edge(row, rows, height));
+        let right = edge(column + 1, columns, width);
+        let bottom = edge(row + 1, rows, height);
+        let part = grey.roi(Rect::new(left, top, right - left, bottom - top));
+        let mut corners = Vector::<Point2f>::new();
+        good_features_to_track(
+            &part.map_err(at(step))?,
+            &mut corners,
+            POINTS_PER_TILE,
+            MIN_QUALITY,
+            spacing,
+            &no_array(),
+            9,
+            false,
+            0.04,
+        )
+        .map_err(at(step))?;
+        let in_image = |corner: Point2f| {
+            [
+                left + corner.x.round() as i32,
+                top + corner.y.round() as i32,
+            ]
+        };
+        points.extend(corners.iter().map(in_image));
+    }
+    Ok(points)
 }
 
-fn largest_displacement(motion: &Mat, [width, height]: [usize; 2]) -> Result<f64> {
+/// Refuses a displacement above the tolerance, both in pixels.
+pub(super) fn check_pixels(
+    pixels: f64,
+    intrinsics: &Intrinsics,
+    tolerance: f64,
+    distance: f64,
+) -> Result<()> {
+    if pixels <= tolerance {
+        return Ok(());
+    }
+    Err(CalibrationError::CameraMoved {
+        pixels,
+        millimetres: pixels / intrinsics.focal[0] * distance * 1e3,
+        tolerance,
+    })
+}
+
+fn shifts(motion: &Mat, [width, height]: [usize; 2]) -> Result<Shifts> {
     let value = |row: i32, column: i32| -> Result<f64> {
         let found = motion.at_2d::<f64>(row, column);
         found.copied().map_err(at("reading a displacement"))
     };
-    let mut largest = 0.0_f64;
-    for (x, y) in [
+    let mut shifts = Shifts::default();
+    let parts = [
         (0.5, 0.5),
         (0.25, 0.25),
         (0.75, 0.25),
         (0.25, 0.75),
         (0.75, 0.75),
-    ] {
+    ];
+    for (shift, (x, y)) in shifts.iter_mut().zip(parts) {
         let (x, y) = (x * width as f64, y * height as f64);
         let row = |row: i32| -> Result<f64> {
             Ok(value(row, 0)? * x + value(row, 1)? * y + value(row, 2)?)
         };
-        largest = largest.max((row(0)? - x).hypot(row(1)? - y));
+        *shift = [row(0)? - x, row(1)? - y];
     }
-    Ok(largest)
+    Ok(shifts)
 }

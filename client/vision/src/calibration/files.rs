@@ -1,5 +1,6 @@
 //! Calibration files in OpenCV's XML or YAML, for this project and for any program with OpenCV.
 
+use std::ffi::OsStr;
 use std::fs;
 use std::path::Path;
 
@@ -8,13 +9,16 @@ use opencv::core::{
     FileNodeTraitConst, FileStorage, FileStorage_Mode, FileStorageTrait, FileStorageTraitConst,
     Mat, MatTraitConst, MatTraitConstManual,
 };
+use yarp_devices::image::image_file;
 
 use super::transforms::{intrinsic_matrix, pose_of};
 use super::{CalibrationError, HandEye, Pattern, Result};
-use crate::{CameraModel, Intrinsics, Pose};
+use crate::{CameraModel, Image, Intrinsics, Pose, mat};
 
 /// Maximum size of a calibration file, in bytes.
 const MAX_SIZE: u64 = 1 << 20;
+/// Name of the entry with the image file of the static scene.
+const SCENE: &str = "scene_image";
 /// Maximum number of columns or rows of an image.
 const MAX_LENGTH: i32 = 100_000;
 
@@ -31,6 +35,8 @@ pub struct CalibrationFile {
     pub transforms: Option<(Pose, Pose)>,
     /// Root mean square of the back-projection error, in mm; `None` without transforms.
     pub back_projection_rms: Option<f64>,
+    /// The static scene when the camera was calibrated, in a file of its own: tells whether the camera has moved since.
+    pub scene: Option<Image>,
 }
 
 impl CalibrationFile {
@@ -45,7 +51,19 @@ impl CalibrationFile {
         })
     }
 
-    /// Writes the file; `.xml` is XML, `.yml` and `.yaml` are YAML.
+    /// Returns the camera with its pose.
+    ///
+    /// Errors: [`CalibrationError::File`] for a file of intrinsic parameters alone; `path` names it.
+    pub fn camera(&self, path: &Path) -> Result<CameraModel> {
+        let found = self.hand_eye().map(|hand_eye| hand_eye.camera);
+        found.ok_or_else(|| {
+            let problem = "expected the pose of the camera, as `yarp calibrate --output` writes it; the file has \
+                 intrinsic parameters alone";
+            invalid(path, problem.to_owned())
+        })
+    }
+
+    /// Writes the file, and the scene beside it as `NAME-scene.png`; `.xml` is XML, `.yml` and `.yaml` are YAML.
     ///
     /// The names are those of OpenCV's calibration sample (`camera_matrix`, `distortion_coefficients`, ...) and of the
     /// thesis (`Hcam2world`, `Hgrid2hand`); lengths are in m.
@@ -53,11 +71,15 @@ impl CalibrationFile {
     /// Errors: [`CalibrationError::File`].
     pub fn write(&self, path: &Path) -> Result<()> {
         check_extension(path)?;
-        self.store(path)
+        let scene = match &self.scene {
+            Some(scene) => Some(write_scene(path, scene)?),
+            None => None,
+        };
+        self.store(path, scene.as_deref())
             .map_err(|error| failed(path, "cannot be written", &error))
     }
 
-    fn store(&self, path: &Path) -> opencv::Result<()> {
+    fn store(&self, path: &Path, scene: Option<&str>) -> opencv::Result<()> {
         let mode = FileStorage_Mode::WRITE as i32;
         let mut file = FileStorage::new(path, mode, "")?;
         if !file.is_opened()? {
@@ -85,6 +107,9 @@ impl CalibrationFile {
         }
         if let Some(rms) = self.back_projection_rms {
             file.write_f64("back_projection_rms_mm", rms)?;
+        }
+        if let Some(name) = scene {
+            file.write_str(SCENE, name)?;
         }
         file.release()
     }
@@ -158,7 +183,34 @@ impl Reader<'_> {
             image_rms: self.number("avg_reprojection_error")?,
             transforms,
             back_projection_rms,
+            scene: self.scene(size)?,
         })
+    }
+
+    /// Reads the image of the static scene, which is in the folder of the file.
+    fn scene(&self, [width, height]: [usize; 2]) -> Result<Option<Image>> {
+        if !self.has(SCENE)? {
+            return Ok(None);
+        }
+        let node = self.file.get(SCENE);
+        let name = node.and_then(|node| node.to_string());
+        let name = name.map_err(|error| failed(self.path, SCENE, &error))?;
+        if Path::new(&name).file_name() != Some(OsStr::new(&name)) {
+            let problem =
+                format!("{SCENE}: expected the name of a file in the same folder, got {name:?}");
+            return Err(invalid(self.path, problem));
+        }
+        let beside = self.path.with_file_name(&name);
+        let image = image_file::read(&beside).map_err(|error| failed(self.path, SCENE, &error))?;
+        if [image.width(), image.height()] != [width, height] {
+            let problem = format!(
+                "{SCENE}: expected {width}x{height} pixels, {name} has {}x{}",
+                image.width(),
+                image.height()
+            );
+            return Err(invalid(self.path, problem));
+        }
+        Ok(Some(image))
     }
 
     fn has(&self, name: &str) -> Result<bool> {
@@ -207,6 +259,21 @@ impl Reader<'_> {
         let values = self.matrix(name, &[16])?;
         let problem = || format!("{name}: expected a rotation and a translation");
         pose_of(&Matrix4::from_row_slice(&values)).ok_or_else(|| invalid(self.path, problem()))
+    }
+}
+
+/// Writes the image of the static scene beside a calibration file; returns its name.
+fn write_scene(path: &Path, scene: &Image) -> Result<String> {
+    let stem = path.file_stem().and_then(OsStr::to_str).unwrap_or("camera");
+    let name = format!("{stem}-scene.png");
+    let beside = path.with_file_name(&name);
+    let image =
+        mat::of_image(scene).map_err(|error| failed(&beside, "cannot be written", &error))?;
+    let written = opencv::imgcodecs::imwrite_def(&beside, &image);
+    match written {
+        Ok(true) => Ok(name),
+        Ok(false) => Err(invalid(&beside, "cannot be written".to_owned())),
+        Err(error) => Err(failed(&beside, "cannot be written", &error)),
     }
 }
 

@@ -12,12 +12,14 @@
 //! | `transforms` | [`HandEye`]: equations 5 to 12 |
 //! | `calibration_report`, `figure` | [`ErrorReport`]: Tables 7 and 8, Figure 33 |
 //! | `files` | [`CalibrationFile`]: OpenCV's XML and YAML |
-//! | `camera_check` | [`CameraReference`]: detects a camera that has moved |
+//! | `camera_check`, `camera_watch` | [`CameraReference`], [`CameraWatch`]: detect a camera that has moved |
+//! | `static_scene` | [`StaticScene`]: the scene without the arm, from the images of a session |
 //! | `postures`, `session` | postures that show the pattern; [`Session`]: moves the arm and takes the images |
 
 mod calibration_error;
 mod calibration_report;
 mod camera_check;
+mod camera_watch;
 mod chessboard;
 mod error_figure;
 mod files;
@@ -29,6 +31,7 @@ mod postures;
 mod refinement;
 mod session;
 mod solve;
+mod static_scene;
 mod transforms;
 
 pub use calibration_error::{CalibrationError, Result};
@@ -36,6 +39,7 @@ pub use calibration_report::{
     ErrorReport, PoseErrors, Spread, ViewErrors, location_error, measure,
 };
 pub use camera_check::{CameraReference, Displacement};
+pub use camera_watch::{CameraWatch, TOLERANCE};
 pub use chessboard::{Detection, detect};
 pub use error_figure::write_figure;
 pub use files::CalibrationFile;
@@ -48,4 +52,5 @@ pub use postures::{MIN_SINGULAR_VALUE, PostureChoice};
 pub use refinement::{Accuracy, View, refine};
 pub use session::{Session, SessionOptions, Taken, table_obstacle};
 pub use solve::{Calibration, MethodErrors, SolveOptions, calibrate, grids};
+pub use static_scene::StaticScene;
 pub use transforms::{HandEye, back_project, intrinsic_matrix};

@@ -11,7 +11,7 @@ use yarp_devices::{Axes, FrameGrabberImage, MotionControl, PositionControl};
 use yarp_planning::{ArmGeometry, CollisionModel, Obstacle, PlanError, Planner, Scene, Shape};
 
 use super::postures::PostureChoice;
-use super::{CalibrationError, HandEye, Pattern, Result, View, detect};
+use super::{CalibrationError, HandEye, Pattern, Result, StaticScene, View, detect};
 use crate::{Frame, Pose};
 
 /// Minimum time that a motion may take, in s, whatever its length.
@@ -91,6 +91,8 @@ pub struct Taken {
     pub views: Vec<(View, Joints<7>)>,
     /// Names of the images in which the pattern was not found.
     pub without_pattern: Vec<String>,
+    /// What all images show behind arm and pattern.
+    pub scene: StaticScene,
 }
 
 /// Moves an arm that holds a pattern and takes images of it, over the network.
@@ -182,6 +184,11 @@ impl<'a> Session<'a> {
         self.wait_rest()?;
         let frame = self.new_image()?;
         let joints = self.joints()?;
+        let kept = taken.scene.add(&frame.image);
+        kept.map_err(|error| CalibrationError::Image {
+            image: name.clone(),
+            source: Box::new(error),
+        })?;
         match detect(&frame.image, &self.options.pattern, &name) {
             Ok(found) => {
                 let view = View {
