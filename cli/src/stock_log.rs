@@ -57,7 +57,7 @@ pub(crate) fn start() {
 static IS_APART: AtomicBool = AtomicBool::new(false);
 
 /// Sends the whole log to standard error from now on, so that a program can read the result from standard output.
-#[cfg(all(unix, feature = "table"))]
+#[cfg(any(feature = "table", feature = "vision"))]
 pub(crate) fn keep_apart() {
     IS_APART.store(true, Ordering::Relaxed);
 }

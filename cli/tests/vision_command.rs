@@ -207,3 +207,72 @@ fn an_error_of_the_calibration_out_of_range_is_refused() {
     let output = servo("--position-error 120");
     assert_refused(&output, &["--position-error", "0 to 20", "120"]);
 }
+
+/// Runs `yarp calibrate` in a folder, and returns the one JSON object that it prints.
+#[track_caller]
+fn calibrate(folder: &Path, line: &str) -> (Option<i32>, serde_json::Value) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_yarp"));
+    command.args(["calibrate", "--json"]).args(line.split(' '));
+    let output = command.current_dir(folder).output().unwrap();
+    let text = String::from_utf8(output.stdout).unwrap();
+    let report = serde_json::from_str(&text);
+    let report = report.unwrap_or_else(|error| panic!("{error}: {text}"));
+    (output.status.code(), report)
+}
+
+#[test]
+#[cfg(unix)]
+fn an_unattended_calibration_writes_the_camera_and_the_scene_behind_the_arm() {
+    let folder = tempfile::tempdir().unwrap();
+    let line = "--simulated --seed 5 --count 8 --target 3 --output lab.yml --figure lab.svg";
+    let (code, report) = calibrate(folder.path(), line);
+    assert_eq!(code, Some(0), "{report}");
+    assert_eq!(
+        (&report["target"], &report["count"]),
+        (&3.0.into(), &8.into())
+    );
+    let rms = report["back_projection_rms_mm"].as_f64().unwrap();
+    assert!((0.05..3.0).contains(&rms), "{report}");
+    let path = folder.path().join("lab.yml");
+    let file = CalibrationFile::read(&path).unwrap();
+    assert!(file.camera(&path).is_ok() && folder.path().join("lab.svg").exists());
+    let scene = file.scene.unwrap();
+    assert_eq!([scene.width(), scene.height()], file.intrinsics.size);
+    // A target that it cannot reach.
+    let line = "--simulated --seed 5 --count 8 --target 0.01";
+    let (code, report) = calibrate(folder.path(), line);
+    assert_eq!(
+        (code, &report["passed"]),
+        (Some(1), &false.into()),
+        "{report}"
+    );
+}
+
+#[test]
+fn photographs_of_a_chessboard_give_the_lens_and_bad_ones_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = "/usr/share/doc/opencv-doc/examples/data";
+    let images: Vec<String> = ["left01", "left02", "left03", "left04", "left05", "box"]
+        .map(|name| {
+            let suffix = if name == "box" { "png" } else { "jpg" };
+            format!("{data}/{name}.{suffix}")
+        })
+        .to_vec();
+    let line = format!(
+        "--pattern 9x6 --output lens.yml --images {}",
+        images.join(" ")
+    );
+    let (code, report) = calibrate(folder.path(), &line);
+    assert_eq!(code, Some(0), "{report}");
+    assert!(report["rms"].as_f64().unwrap() < 0.25, "{report}");
+    assert_eq!(report["used"], 5);
+    assert!(
+        report["not_found"][0]
+            .as_str()
+            .unwrap()
+            .ends_with("box.png"),
+        "{report}"
+    );
+    let file = CalibrationFile::read(&folder.path().join("lens.yml")).unwrap();
+    assert!((file.intrinsics.focal[0] - 535.9).abs() < 15.0 && file.transforms.is_none());
+}

@@ -14,6 +14,7 @@ use std::process::ExitCode;
 use yarp_vision::calibration::{CalibrationError, Pattern};
 
 use crate::error::{Failure, Result};
+use crate::stock_log;
 
 /// calibrate a camera, and its pose relative to an arm that holds a chessboard
 ///
@@ -85,6 +86,9 @@ fn failed(error: impl Error + Send + Sync + 'static) -> Failure {
 }
 
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
+    if args.json {
+        stock_log::keep_apart();
+    }
     for (name, value) in [
         ("pixel-noise", args.pixel_noise),
         ("position-error", args.position_error),

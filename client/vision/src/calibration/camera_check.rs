@@ -70,10 +70,7 @@ impl CameraReference {
         let grey = blurred(image, "the reference image")?;
         let points = distinct_points(&grey)?;
         if points.len() < MIN_MATCHES {
-            return Err(CalibrationError::SceneNotRecognised {
-                matches: points.len(),
-                expected: MIN_MATCHES,
-            });
+            return Err(unrecognised(points.len(), &grey, "the reference image"));
         }
         Ok(Self {
             points,
@@ -105,10 +102,7 @@ impl CameraReference {
                 to.push(found);
             }
         }
-        let unrecognised = |matches| CalibrationError::SceneNotRecognised {
-            matches,
-            expected: MIN_MATCHES,
-        };
+        let unrecognised = |matches| unrecognised(matches, &grey, "the image");
         if from.len() < MIN_MATCHES {
             return Err(unrecognised(from.len()));
         }
@@ -199,11 +193,18 @@ fn blurred(image: &Image, name: &str) -> Result<Mat> {
         image: name.to_owned(),
         source: Box::new(error),
     })?;
-    check_light(&grey, name)?;
     let mut smooth = Mat::default();
     gaussian_blur_def(&grey, &mut smooth, Size::new(0, 0), BLUR)
         .map_err(at("blurring an image"))?;
     Ok(smooth)
+}
+
+/// Returns the reason why too few points were found: a cover on the lens, if the image is uniform. An empty table may be so, too, and
+/// be recognised all the same.
+fn unrecognised(matches: usize, grey: &Mat, name: &str) -> CalibrationError {
+    let expected = MIN_MATCHES;
+    let otherwise = CalibrationError::SceneNotRecognised { matches, expected };
+    check_light(grey, name).err().unwrap_or(otherwise)
 }
 
 /// Returns points whose surroundings are distinct in both directions, away from the border: the strongest ones of each tile.
