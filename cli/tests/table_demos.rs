@@ -273,3 +273,17 @@ fn a_table_that_does_not_answer_ends_the_demo() {
         "{error}"
     );
 }
+
+/// Files that describe another table are read before anything moves.
+#[test]
+#[cfg(feature = "vision")]
+fn files_of_the_table_that_are_missing_are_named() {
+    let _turn = turn();
+    for option in ["--calibration", "--depth-calibration", "--database"] {
+        let home = Home::new();
+        let line = format!("demo tidy --objects 1 --json {option} no-such-file.xml");
+        let ended = home.run(&line).with(1);
+        ended.complains("no-such-file.xml");
+        assert!(ended.out.is_empty(), "{ended:?}");
+    }
+}

@@ -184,9 +184,9 @@ fn a_camera_that_moved_is_detected() {
     );
 }
 
-/// A table full of objects, of which the first `count` are there.
+/// A table full of objects, of which the first `count` are there. None of the points of the full one is left on the empty one.
 fn crowded(count: usize) -> Scene {
-    let mut scene = Scene::random(3, &Placement::default().with_count(12)).unwrap();
+    let mut scene = Scene::random(7006, &Placement::default().with_count(12)).unwrap();
     scene.objects.truncate(count);
     scene
 }
@@ -221,7 +221,7 @@ fn a_watched_camera_may_see_all_objects_leave_but_may_not_move() {
     );
 }
 
-/// 0.7 pixels with each object that leaves: less than the tolerance from one reference to the next.
+/// 0.8 pixels between any two images: less than the tolerance from one reference to the next.
 #[test]
 fn a_camera_that_creeps_is_noticed_through_all_references() {
     let full = crowded(12);
@@ -229,10 +229,10 @@ fn a_camera_that_creeps_is_noticed_through_all_references() {
     camera.lens = camera.lens.scaled(0.5);
     let model = camera_model(&camera);
     let mut watch = CameraWatch::new(&noisy(&full, &camera, 1)).unwrap();
-    for (step, count) in (0..12).rev().step_by(2).enumerate() {
-        camera.pose.translation.y += 0.0008;
+    for (step, count) in [6, 3, 1, 0].into_iter().enumerate() {
+        camera.pose.translation.y += 0.0009;
         let image = noisy(&crowded(count), &camera, 200 + count as u64);
-        let pixels = 0.0008 * (step + 1) as f64 * model.intrinsics.focal[0] / 0.911;
+        let pixels = 0.0009 * (step + 1) as f64 * model.intrinsics.focal[0] / 0.911;
         match watch.check(&image, &model, full.table.surface) {
             Ok(seen) => {
                 assert!((seen.pixels - pixels).abs() < 0.6, "{pixels}: {seen:?}");
