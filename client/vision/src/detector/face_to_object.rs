@@ -134,10 +134,11 @@ impl Examiner<'_> {
         {
             return Ok(Some(object));
         }
-        if let Some(object) = self.partial_polygon(image, face, &rim)? {
+        // A print says where its face ends, which edges may be wrong about.
+        if let Some(object) = self.partial_print(image, face)? {
             return Ok(Some(object));
         }
-        self.partial_print(image, face)
+        self.partial_polygon(image, face, &rim)
     }
 
     /// Returns the object with about this outline.

@@ -115,14 +115,15 @@ impl Evaluation {
             let counts = &mut self.counts[ObjectClass::of_detection(object) as usize];
             match target {
                 Some((target, _)) if !is_present(&truth.objects[*target]) => continue,
-                Some((_, distance)) => {
+                Some((target, distance)) => {
                     counts.correct += 1;
                     self.errors.push(*distance);
                     if *distance > 0.004 {
                         self.mistakes.push(format!(
-                            "{name}: {} {:.1} mm off",
-                            object.kind,
-                            distance * 1e3
+                            "{name}: {:.1} mm off: {}, {:.0} % visible",
+                            distance * 1e3,
+                            described(object),
+                            truth.objects[*target].visible * 100.0
                         ));
                     }
                 }
