@@ -186,7 +186,8 @@ fn a_table_is_calibrated_and_each_failure_leaves_the_arm_at_rest() {
     let apart = found.hand_eye.camera.pose.inverse() * lab.guess.camera.pose;
     assert!(apart.translation.vector.norm() < 0.004, "{apart}");
 
-    // What the images show behind the arm is the scene by which a camera that has moved is noticed.
+    // What the images show behind the arm is the scene by which a camera that has moved is noticed; eight images leave parts of
+    // the arm in it.
     let behind = taken.scene.median().unwrap();
     let reference = CameraReference::new(&behind).unwrap();
     let moved_by = |shift: f64| {
@@ -197,7 +198,7 @@ fn a_table_is_calibrated_and_each_failure_leaves_the_arm_at_rest() {
         let image = Renderer::new().render(&empty, &overhead, &Effects::default());
         reference.displacement(&image.image).unwrap().pixels
     };
-    assert!(moved_by(0.0) < 1.0, "{}", moved_by(0.0));
+    assert!(moved_by(0.0) < 1.5, "{}", moved_by(0.0));
     assert!(moved_by(0.004) > 2.5, "{}", moved_by(0.004));
 
     // A posture inside an obstacle.

@@ -30,6 +30,11 @@ const MIN_EDGES: f64 = 0.5;
 /// Part of the strength of the strongest edge from which on another one may be the end of the object, and the width of an edge, m.
 const STRONG: f64 = 0.7;
 const EDGE_WIDTH: f64 = 0.004;
+/// Distance by which a side is moved, m, from which on the sides beside it must go on to it; the share of this part that must be in
+/// sight to tell, and of what is in sight that lies on edges.
+const MIN_MOVED: f64 = 0.006;
+const MIN_OPEN: f64 = 0.4;
+const MIN_CONTINUED: f64 = 0.4;
 
 /// A polygon as the distances of its sides from the origin, along normals that turn evenly.
 #[derive(Clone, Debug)]
@@ -41,8 +46,16 @@ pub(super) struct PartialPolygon {
     height: f64,
 }
 
-/// The part of a side that lies on edges of the colour image, 0 to 1, with the sum of their strengths.
-pub(super) type EdgeSupport = (f64, f64);
+/// How much of a side lies on edges of the colour image.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct EdgeSupport {
+    /// Share of the side that lies on edges and is in sight, 0 to 1.
+    pub(super) share: f64,
+    /// Share of the side that is in sight, 0 to 1.
+    pub(super) open: f64,
+    /// Mean strength of the edges over the side, grey values per pixel.
+    pub(super) strength: f64,
+}
 
 impl PartialPolygon {
     /// Returns the polygon with this many sides that fits the rim best; `None` if little of the rim lies on it.
@@ -200,7 +213,9 @@ impl PartialPolygon {
                 if self.offsets[side] > start && self.free_along(ends, view) > MAX_FREE {
                     break;
                 }
-                let (share, strength) = support(ends, self.normals[side]);
+                let EdgeSupport {
+                    share, strength, ..
+                } = support(ends, self.normals[side]);
                 if share >= MIN_EDGES {
                     edges.push((strength, self.offsets[side]));
                 }
@@ -209,8 +224,46 @@ impl PartialPolygon {
                 Some(offset) => self.offsets[side] = offset,
                 None => return false,
             }
+            if !self.is_continued(side, self.offsets[side] - start, &support) {
+                return false;
+            }
         }
         true
+    }
+
+    /// Returns whether the two sides beside one that was moved outwards go on to it: what is in the way has edges, too, but only its own.
+    fn is_continued(
+        &self,
+        side: usize,
+        moved: f64,
+        support: &impl Fn([[f64; 2]; 2], [f64; 2]) -> EdgeSupport,
+    ) -> bool {
+        let Some(corners) = self.corners().filter(|_| moved > MIN_MOVED) else {
+            return true;
+        };
+        let count = corners.len();
+        // Each with the corner of the moved side, and its other one.
+        let beside = [
+            (
+                (side + count - 1) % count,
+                corners[side],
+                corners[(side + count - 1) % count],
+            ),
+            (
+                (side + 1) % count,
+                corners[(side + 1) % count],
+                corners[(side + 2) % count],
+            ),
+        ];
+        beside.into_iter().all(|(index, end, from)| {
+            let along = [from[0] - end[0], from[1] - end[1]];
+            // The normals need not be perpendicular.
+            let rate = dot(&self.normals[side], &along).abs().max(1e-9);
+            let part = (moved / rate).min(1.0);
+            let begin = [0, 1].map(|axis| end[axis] + part * along[axis]);
+            let EdgeSupport { share, open, .. } = support([begin, end], self.normals[index]);
+            open < MIN_OPEN || share >= MIN_CONTINUED * open
+        })
     }
 
     /// Returns the share of the places along a side, without its ends, that the depth image sees to be free.

@@ -104,8 +104,7 @@ impl<'a> Surroundings<'a> {
         Some([0, 1].map(|axis| point[axis] + metres * normal[axis]))
     }
 
-    /// Returns the share of a side that lies on edges along it, with the mean of their strengths. Places beyond which the
-    /// camera is `covered` do not count.
+    /// Returns how much of a side lies on edges along it. Places beyond which the camera is `covered` are not in sight.
     pub(super) fn edges_along(
         &self,
         [a, b]: [[f64; 2]; 2],
@@ -118,7 +117,7 @@ impl<'a> Surroundings<'a> {
                 .project(&Point3::new(point[0], point[1], self.height))?;
             Some([u - self.corner[0], v - self.corner[1]])
         };
-        let (mut on, mut sum) = (0, 0.0);
+        let (mut on, mut open, mut sum) = (0, 0, 0.0);
         for sample in 0..SIDE_SAMPLES {
             let part = (sample as f64 + 0.5) / SIDE_SAMPLES as f64;
             let part = CORNER + (1.0 - 2.0 * CORNER) * part;
@@ -130,16 +129,23 @@ impl<'a> Surroundings<'a> {
             let across = [beside[0] - here[0], beside[1] - here[1]];
             let length = across[0].hypot(across[1]).max(1e-9);
             let across = across.map(|value| value / length);
+            if covered(point) {
+                continue;
+            }
+            open += 1;
             if let Some((_, strength)) = self.edges.strongest(here, across, HIDDEN_REACH)
                 && strength >= self.gradient
-                && !covered(point)
             {
                 on += 1;
                 sum += strength.min(MAX_STRENGTH);
             }
         }
         let count = SIDE_SAMPLES as f64;
-        (f64::from(on) / count, sum / count)
+        EdgeSupport {
+            share: f64::from(on) / count,
+            open: f64::from(open) / count,
+            strength: sum / count,
+        }
     }
 
     /// Moves an outline onto the edges near it, and returns it with the share of it that lies on edges.
