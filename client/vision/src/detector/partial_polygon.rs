@@ -30,10 +30,9 @@ const MIN_EDGES: f64 = 0.5;
 /// Part of the strength of the strongest edge from which on another one may be the end of the object, and the width of an edge, m.
 const STRONG: f64 = 0.7;
 const EDGE_WIDTH: f64 = 0.004;
-/// Distance by which a side is moved, m, from which on the sides beside it must go on to it; the share of this part that must be in
-/// sight to tell, and of what is in sight that lies on edges.
+/// Distance by which a side is moved, m, from which on the sides beside it must go on to it, and the share of what is in sight of
+/// this part that must lie on edges.
 const MIN_MOVED: f64 = 0.006;
-const MIN_OPEN: f64 = 0.4;
 const MIN_CONTINUED: f64 = 0.4;
 
 /// A polygon as the distances of its sides from the origin, along normals that turn evenly.
@@ -262,7 +261,7 @@ impl PartialPolygon {
             let part = (moved / rate).min(1.0);
             let begin = [0, 1].map(|axis| end[axis] + part * along[axis]);
             let EdgeSupport { share, open, .. } = support([begin, end], self.normals[index]);
-            open < MIN_OPEN || share >= MIN_CONTINUED * open
+            share >= MIN_CONTINUED * open
         })
     }
 

@@ -21,9 +21,6 @@ const CIRCLE_PLACES: usize = 72;
 /// Largest share of the points of a face beyond its outline, and of the places within the outline that are free.
 const MAX_CONTRADICTION: f64 = 0.05;
 
-/// Largest share of the places just within a side that are free: something of the same height beside an object is no part of it.
-const MAX_FREE_WITHIN: f64 = 0.15;
-
 /// Side of the squares of the colour image that one point of the depth image covers, pixels: colour cameras have more of them.
 const COVER: usize = 4;
 /// Least difference in height from which something hides what is below it from the colour camera, m.
@@ -179,12 +176,7 @@ impl DepthView<'_> {
                 })
             })
         });
-        let is_filled = |index: usize| {
-            let [a, b] = side(index);
-            let normal = outward([a, b], middle);
-            self.free_beyond([a, b], normal.map(|value| -value), face.height) <= MAX_FREE_WITHIN
-        };
-        self.share(places, face.height) <= MAX_CONTRADICTION && (0..corners.len()).all(is_filled)
+        self.share(places, face.height) <= MAX_CONTRADICTION
     }
 
     fn share(&self, places: impl Iterator<Item = [f64; 2]>, height: f64) -> f64 {
