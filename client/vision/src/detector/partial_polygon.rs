@@ -27,9 +27,6 @@ const PLACES: usize = 16;
 const MAX_FREE: f64 = 0.3;
 /// Smallest share of a hidden side that lies on edges of the colour image.
 const MIN_EDGES: f64 = 0.5;
-/// Part of the strength of the strongest edge from which on another one may be the end of the object, and the width of an edge, m.
-const STRONG: f64 = 0.7;
-const EDGE_WIDTH: f64 = 0.004;
 /// Distance by which a side is moved, m, from which on the sides beside it must go on to it, and the share of what is in sight of
 /// this part that must lie on edges.
 const MIN_MOVED: f64 = 0.006;
@@ -202,7 +199,7 @@ impl PartialPolygon {
                 continue;
             }
             let start = self.offsets[side];
-            let mut edges: Vec<(f64, f64)> = Vec::new();
+            let mut best: Option<(f64, f64)> = None;
             for step in 0..((reach + BACK) / STEP) as usize {
                 self.offsets[side] = start - BACK + step as f64 * STEP;
                 let Some(corners) = self.corners() else {
@@ -215,12 +212,12 @@ impl PartialPolygon {
                 let EdgeSupport {
                     share, strength, ..
                 } = support(ends, self.normals[side]);
-                if share >= MIN_EDGES {
-                    edges.push((strength, self.offsets[side]));
+                if share >= MIN_EDGES && best.is_none_or(|(most, _)| strength > most) {
+                    best = Some((strength, self.offsets[side]));
                 }
             }
-            match outermost(&edges) {
-                Some(offset) => self.offsets[side] = offset,
+            match best {
+                Some((_, offset)) => self.offsets[side] = offset,
                 None => return false,
             }
             if !self.is_continued(side, self.offsets[side] - start, &support) {
@@ -274,18 +271,6 @@ impl PartialPolygon {
         });
         free.count() as f64 / PLACES as f64
     }
-}
-
-/// Returns the place of the outermost of the strong edges: a label on the object has edges along its sides, too.
-fn outermost(edges: &[(f64, f64)]) -> Option<f64> {
-    let most = edges.iter().map(|edge| edge.0).reduce(f64::max)?;
-    let strong = edges.iter().filter(|edge| edge.0 > STRONG * most);
-    let last = strong.map(|edge| edge.1).reduce(f64::max)?;
-    let near = edges
-        .iter()
-        .filter(|edge| (last - EDGE_WIDTH..=last).contains(&edge.1));
-    let best = near.reduce(|best, edge| if edge.0 > best.0 { edge } else { best })?;
-    Some(best.1)
 }
 
 fn dot(one: &[f64; 2], other: &[f64; 2]) -> f64 {
