@@ -22,7 +22,7 @@ use yarp_planning::PlanError;
 use self::plan::{Line, PickPlan};
 use crate::filling::Filling;
 use crate::grasp::{Grasp, GraspOptions, GraspScripts};
-use crate::item::Item;
+use crate::item::{Item, ItemShape};
 use crate::low_torque_ik::{PostureError, PostureSolver};
 use crate::stop_request::{Stop, StopRequest};
 use crate::surroundings::Surroundings;
@@ -203,6 +203,10 @@ const GRIP: i32 = 500;
 /// Position below which the outer links are steep at the contact and cannot curl below the object, and the grip then, counts.
 const STEEP_CONTACT: i32 = 6000;
 const STEEP_GRIP: i32 = 1500;
+/// Closes the fingers further until they stall; they push on with controlled torque until the next command.
+const TORQUE_CLOSE: &str = "GTC";
+/// Volume of a cuboid from which on it may be as heavy as a full carton, m³.
+const HEAVY_VOLUME: f64 = 0.0005;
 /// Factor by which motions with an object take longer: acceleration loosens it.
 const LOADED: f64 = 1.5;
 /// Posture near home with the elbow a little open, and the distance within which the arm counts as at home, rad.
@@ -219,6 +223,12 @@ const COOLING_TIME: f64 = 90.0;
 const MAX_RESTS: usize = 4;
 /// Number of motions to the place of an object, each slower than the one before, that may be blocked before the arm holds.
 const MAX_TRANSPORTS: usize = 3;
+
+/// Returns whether the grip on an object must be firm: a carton that is full slips through fingers that only reach their position. What is
+/// light would be turned by fingers that curl below it.
+fn may_be_heavy(item: &Item) -> bool {
+    matches!(item.shape, ItemShape::Cuboid { size } if size.iter().product::<f64>() >= HEAVY_VOLUME)
+}
 
 /// Asks the hand which clutches hold.
 const CLUTCHES: &str = "FGET BD";
@@ -512,6 +522,10 @@ impl<W: Workcell> Picker<W> {
             self.follow(&plan.line.up, Step::Lift)?;
             let item = item.label.clone();
             return Err(PickError::Missed { item });
+        }
+        if may_be_heavy(item) {
+            self.hand(Step::Grasp, TORQUE_CLOSE)?;
+            self.pause(GRIP_TIME, Step::Grasp)?;
         }
         let lifted = self.follow(&plan.line.up.slowed(LOADED), Step::Lift);
         if let Err(blocked @ PickError::Blocked { .. }) = lifted {
