@@ -30,7 +30,7 @@ const POLL_INTERVAL: Duration = Duration::from_millis(5);
 /// Largest distance of an object from where it was in the detection before, m.
 const SAME_PLACE: f64 = 0.03;
 
-/// What tells whether the camera has moved.
+/// State of the check whether the camera has moved.
 #[derive(Debug)]
 enum Watch {
     /// The first image will be the reference.

@@ -91,7 +91,7 @@ pub struct Taken {
     pub views: Vec<(View, Joints<7>)>,
     /// Names of the images in which the pattern was not found.
     pub without_pattern: Vec<String>,
-    /// What all images show behind arm and pattern.
+    /// Scene behind arm and pattern, from all images.
     pub scene: StaticScene,
 }
 

@@ -42,7 +42,7 @@ pub(super) struct PartialPolygon {
     height: f64,
 }
 
-/// How much of a side lies on edges of the colour image.
+/// Support of a side by edges of the colour image.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct EdgeSupport {
     /// Share of the side that lies on edges and is in sight, 0 to 1.
