@@ -287,3 +287,25 @@ fn files_of_the_table_that_are_missing_are_named() {
         assert!(ended.out.is_empty(), "{ended:?}");
     }
 }
+
+/// The times are those of this machine; the exit code says whether they are below the targets.
+#[test]
+fn rendering_and_physics_are_measured() {
+    let _turn = turn();
+    let home = Home::new();
+    let ended = home.run("table evaluate --seed 3 --count 2 --json");
+    let (render, rest) = ended.out[0].split_once("\"seed\"").expect("one object");
+    assert!(render.contains("\"render_ms\":{\"p50\":"), "{ended:?}");
+    assert!(
+        rest.contains("\"simulated_second_s\":{\"p50\":"),
+        "{ended:?}"
+    );
+    assert_eq!(value(&ended, "objects"), "30");
+    let is_below = |part: &str| part.contains("\"passed\":true");
+    let passed = value(&ended, "passed") == "true";
+    assert_eq!(
+        passed,
+        is_below(rest) && render.matches("\"passed\":true").count() == 2
+    );
+    ended.with(i32::from(!passed));
+}

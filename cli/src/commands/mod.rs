@@ -243,11 +243,33 @@ impl Command {
     }
 }
 
+/// Returns a quantile by nearest rank, such as 0.5 for the median; `None` without values.
+#[cfg(feature = "table")]
+fn quantile(values: &[f64], part: f64) -> Option<f64> {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let rank = (part * sorted.len() as f64).ceil() as usize;
+    sorted.get(rank.max(1) - 1).copied()
+}
+
 /// Success or "no".
 fn code(yes: bool) -> ExitCode {
     if yes {
         ExitCode::SUCCESS
     } else {
         ExitCode::FAILURE
+    }
+}
+
+#[cfg(all(test, feature = "table"))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantiles_are_values_of_their_rank() {
+        let values = [4.0, 1.0, 3.0, 2.0];
+        let found = [0.0, 0.25, 0.26, 0.5, 0.99, 1.0].map(|part| quantile(&values, part));
+        assert_eq!(found, [1.0, 1.0, 2.0, 2.0, 4.0, 4.0].map(Some));
+        assert_eq!(quantile(&[], 0.5), None);
     }
 }

@@ -12,6 +12,7 @@ use yarp_planning::{Obstacle, Path, Problem, Shape};
 use yarp_table::{PathCheck, Solid};
 
 use super::PlanFailure;
+use crate::commands::quantile;
 use crate::error::{Failure, Result};
 
 /// Smallest part of the scenes to be solved.
@@ -102,12 +103,9 @@ impl Results {
         Some(path)
     }
 
-    fn print(mut self, args: &Args, out: &mut dyn Write) -> Result<ExitCode> {
-        self.times.sort_by(f64::total_cmp);
-        let at = |part: f64| {
-            let index = (self.times.len() as f64 * part).ceil() as usize;
-            self.times[index.clamp(1, self.times.len()) - 1]
-        };
+    fn print(self, args: &Args, out: &mut dyn Write) -> Result<ExitCode> {
+        // There is at least one scene.
+        let at = |part: f64| quantile(&self.times, part).unwrap_or_default();
         let share = self.solved as f64 / args.count as f64;
         let (p50, p99) = (at(0.5), at(0.99));
         let ok = share >= TARGET_SOLVED

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use yarp_vision::simulated::{ServoTrialOptions, servo_trial};
 
 use super::failed;
-use crate::commands::code;
+use crate::commands::{code, quantile};
 use crate::error::Result;
 
 /// Largest median of the distances after visual servoing, m.
@@ -113,13 +113,6 @@ fn row(errors: &[[f64; 2]]) -> Value {
         "median_degrees": quantile(&angle, 0.5),
         "max_degrees": quantile(&angle, 1.0),
     })
-}
-
-fn quantile(values: &[f64], part: f64) -> Option<f64> {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let last = sorted.len().checked_sub(1)?;
-    sorted.get((part * last as f64).ceil() as usize).copied()
 }
 
 fn table(report: &Value) -> String {
