@@ -115,6 +115,7 @@ try_programs() {
     # Only a build with the simulated table has it, as `make test` makes.
     if "$ours" demo reorder --help >/dev/null 2>&1; then
         suite "objects into slots, commanded by stock's Python" "$with_stock" "$python" conformance/live/reordering.py "$ours"
+        suite "the cameras of a table in stock's viewer" "$with_stock" "$python" conformance/live/table_camera.py "$ours"
     fi
 
     suite "several name servers at once" "$python" conformance/live/namespaces.py \
