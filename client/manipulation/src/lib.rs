@@ -4,7 +4,7 @@
 //! | --- | --- |
 //! | `item`, `detector` | [`Item`]: an object to grasp; [`Detector`]: where objects come from |
 //! | `grasp/` | [`Grasp`]: hand pose and finger openings per shape, from the kinematics of the fingers; [`GraspScripts`] |
-//! | `posture` | [`PostureSolver`]: inverse kinematics that prefers low gravity torques |
+//! | `low_torque_ik` | [`PostureSolver`]: inverse kinematics that prefers low gravity torques |
 //! | `workcell` | [`Workcell`]: the calls of arm and hand that the steps need |
 //! | `remote_workcell` | [`RemoteWorkcell`]: arm and hand on the network |
 //! | `surroundings` | [`Surroundings`]: table, baskets and objects as obstacles |

@@ -178,11 +178,9 @@ fn a_listed_script_is_preferred_to_the_grasps_of_the_shape() {
 /// A carton of 1.05 kg slipped in every sixth grasp; a small box would be turned by fingers that curl below it.
 #[test]
 fn large_cuboids_are_held_with_controlled_torque_and_small_ones_are_not() {
-    let carton = BrickKind::all().max_by_key(|kind| {
-        let litres = kind.size().iter().product::<f64>() * 1e3;
-        (litres * 1e3) as u64
-    });
-    let kind = carton.expect("there are cartons");
+    let volume = |kind: &BrickKind| kind.size().iter().product::<f64>();
+    let largest = BrickKind::all().max_by(|one, other| volume(one).total_cmp(&volume(other)));
+    let kind = largest.expect("there are cartons");
     for (shape, is_firm) in [(Shape::Brick { kind }, true), (BOX, false)] {
         let (table, _, item) = table(shape, 0.55, 0.05);
         let lines = Arc::<Mutex<Vec<String>>>::default();

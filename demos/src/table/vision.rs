@@ -60,7 +60,7 @@ pub struct RemoteVision {
 impl RemoteVision {
     /// Connects to the cameras of these names.
     ///
-    /// What no file is named for is that of the simulated table.
+    /// Without a file its part of the setup is that of the simulated table.
     ///
     /// Errors: those of [`Camera::connect_on`], of the files, and of the detector's prints.
     pub fn connect(

@@ -76,7 +76,7 @@ pub enum ScriptError {
         file: String,
         /// Line of the element.
         line: u32,
-        /// What is wrong with it, and what is expected.
+        /// Problem of the element, with what is expected.
         problem: String,
     },
 }

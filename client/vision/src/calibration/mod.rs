@@ -10,7 +10,7 @@
 //! | `refinement`, `levenberg_marquardt` | [`refine`]: all parameters at once, errors of the arm included |
 //! | `solve` | [`calibrate`]: all of it, with rejection of bad views |
 //! | `transforms` | [`HandEye`]: equations 5 to 12 |
-//! | `calibration_report`, `figure` | [`ErrorReport`]: Tables 7 and 8, Figure 33 |
+//! | `calibration_report`, `error_figure` | [`ErrorReport`]: Tables 7 and 8, Figure 33 |
 //! | `files` | [`CalibrationFile`]: OpenCV's XML and YAML |
 //! | `camera_check`, `camera_watch` | [`CameraReference`], [`CameraWatch`]: detect a camera that has moved |
 //! | `static_scene` | [`StaticScene`]: the scene without the arm, from the images of a session |

@@ -4,12 +4,12 @@
 //! | --- | --- |
 //! | `mod` | [`Detector`]: faces by height, outline, edges, print |
 //! | `database` | [`ObjectDatabase`]: kinds, sizes and prints, in XML |
-//! | `examine` | from a face to a named object |
+//! | `face_to_object` | from a face to a named object |
 //! | `height_map` | heights above the table, connected faces |
 //! | `outline` | circle, rectangle or triangle through the points of a face |
 //! | `partial_faces` | from a face of which something hides a part to a named object |
 //! | `partial_polygon` | rectangles and triangles of which something hides a part |
-//! | `sight` | places that the depth sensor sees free, or does not see |
+//! | `visibility` | places that the depth sensor sees free, or does not see |
 //! | `refine` | outlines moved onto the edges of the colour image |
 //! | `print_recognition` | SIFT features of a face against prints |
 
