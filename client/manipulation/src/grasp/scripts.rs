@@ -327,7 +327,8 @@ mod tests {
         };
         check(0.12, 0.10, true);
         check(0.05, 0.08, false);
-        check(0.12, 0.07, false);
+        check(0.20, 0.10, true);
+        check(0.20, 0.07, false);
         check(0.12, 0.20, false);
     }
 
