@@ -132,6 +132,18 @@ impl FaultyCell {
     }
 }
 
+impl FaultyCell {
+    /// Fails the call of the hand whose turn it is.
+    fn answer(&mut self) -> Result<(), WorkcellError> {
+        let mut plan = self.plan.borrow_mut();
+        if plan.fault == Fault::HandSilent && std::mem::take(&mut plan.pending) {
+            plan.held = held(&self.cell.0, LIFTED).first().copied();
+            return Err(silent("command the hand"));
+        }
+        Ok(())
+    }
+}
+
 impl Interceptor for FaultyCell {
     fn cell(&mut self) -> &mut SimulatedCell {
         &mut self.cell
@@ -145,13 +157,13 @@ impl Interceptor for FaultyCell {
     }
 
     fn command_hand(&mut self, line: &str) -> Result<String, WorkcellError> {
-        let mut plan = self.plan.borrow_mut();
-        if plan.fault == Fault::HandSilent && std::mem::take(&mut plan.pending) {
-            plan.held = held(&self.cell.0, LIFTED).first().copied();
-            return Err(silent("command the hand"));
-        }
-        drop(plan);
+        self.answer()?;
         self.cell.command_hand(line)
+    }
+
+    fn start_hand(&mut self, lines: &[String]) -> Result<(), WorkcellError> {
+        self.answer()?;
+        self.cell.start_hand(lines)
     }
 }
 

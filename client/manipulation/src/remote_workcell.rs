@@ -1,5 +1,8 @@
 //! Arm and hand on the network.
 
+use std::panic::resume_unwind;
+use std::sync::Arc;
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use nalgebra::{Point3, SVector};
@@ -28,7 +31,9 @@ type ContainerView = Box<dyn FnMut() -> Vec<Point3<f64>> + Send>;
 /// An arm and a hand that are found by their names.
 pub struct RemoteWorkcell {
     arm: Robot,
-    hand: Hand,
+    hand: Arc<Hand>,
+    /// What the hand is carrying out while the arm moves.
+    started: Option<JoinHandle<Result<(), DeviceError>>>,
     names: [String; 2],
     /// Seconds of the robot in a second of this machine.
     speed: f64,
@@ -54,7 +59,8 @@ impl RemoteWorkcell {
     pub fn new(arm: Robot, hand: Hand, names: [&str; 2], speed: f64) -> Self {
         Self {
             arm,
-            hand,
+            hand: Arc::new(hand),
+            started: None,
             names: names.map(str::to_owned),
             speed,
             clock: None,
@@ -123,6 +129,17 @@ impl RemoteWorkcell {
             action,
             source: Box::new(source),
         })
+    }
+}
+
+/// Sends the hand a command, and waits for its end.
+fn send(hand: &Hand, line: &str) -> Result<String, DeviceError> {
+    match hand.send_command(line) {
+        // Something blocked the motion.
+        Err(error) if yarp_client::ports::error_chain(&error).contains("position not reached") => {
+            Ok(String::new())
+        }
+        other => other,
     }
 }
 
@@ -202,17 +219,39 @@ impl Workcell for RemoteWorkcell {
     }
 
     fn command_hand(&mut self, line: &str) -> Result<String, WorkcellError> {
-        let sent = self.hand.send_command(line);
+        self.finish_hand()?;
+        let sent = send(&self.hand, line);
         self.due = self.now();
-        match sent {
-            // Something blocked the motion.
-            Err(error)
-                if yarp_client::ports::error_chain(&error).contains("position not reached") =>
-            {
-                Ok(String::new())
-            }
-            other => self.hand("command the hand", other),
-        }
+        self.hand("command the hand", sent)
+    }
+
+    fn start_hand(&mut self, lines: &[String]) -> Result<(), WorkcellError> {
+        self.finish_hand()?;
+        let (hand, lines) = (Arc::clone(&self.hand), lines.to_vec());
+        let carry_out = move || {
+            lines
+                .iter()
+                .try_for_each(|line| send(&hand, line).map(drop))
+        };
+        let thread = std::thread::Builder::new().name("hand-commands".into());
+        let started = thread
+            .spawn(carry_out)
+            .map_err(|source| DeviceError::Start {
+                what: "the thread of the hand's commands",
+                source,
+            });
+        self.started = Some(self.hand("command the hand", started)?);
+        Ok(())
+    }
+
+    fn finish_hand(&mut self) -> Result<(), WorkcellError> {
+        let Some(started) = self.started.take() else {
+            return Ok(());
+        };
+        // The client of the hand bounds each call.
+        let ended = started.join().unwrap_or_else(|panic| resume_unwind(panic));
+        self.due = self.now();
+        self.hand("command the hand", ended)
     }
 
     fn fingers(&mut self) -> Result<[f64; 4], WorkcellError> {

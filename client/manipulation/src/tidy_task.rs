@@ -126,14 +126,19 @@ fn may_go_on(error: &PickError, blocked: usize) -> bool {
     }
 }
 
-/// Detects the objects, in the order in which they are to be tried.
+type Seen = Result<Vec<Item>, DetectError>;
+
+/// Returns the objects in the order in which they are to be tried: those that were seen during the last release, or else what is
+/// detected now.
 fn look<W: Workcell>(
     picker: &mut Picker<W>,
     detector: &mut dyn Detector,
+    seen: Option<Seen>,
     history: &mut Vec<Tried>,
     report: &TidyReport,
 ) -> Result<Vec<Item>, TidyError> {
-    let mut items: Vec<Item> = detector.detect()?.iter().map(Item::at_rest).collect();
+    let found = seen.unwrap_or_else(|| detector.detect())?;
+    let mut items: Vec<Item> = found.iter().map(Item::at_rest).collect();
     picker.notify(&TaskEvent::Detected { items: &items });
     picker.notify(&TaskEvent::Progress {
         done: report.released,
@@ -148,24 +153,28 @@ fn look<W: Workcell>(
     Ok(items)
 }
 
-/// Tries to bring an object into its container, and counts that if the arm moved. `first` skips grasps.
+/// Tries to bring an object into its container, and counts that if the arm moved. `first` skips grasps. Returns also what was seen
+/// during the release.
 fn attempt<W: Workcell>(
     picker: &mut Picker<W>,
     item: &Item,
     items: &[Item],
     first: usize,
+    detector: &mut dyn Detector,
     report: &mut TidyReport,
-) -> Result<(), PickError> {
+) -> (Result<(), PickError>, Option<Seen>) {
     let others = items.iter().filter(|other| other.id != item.id);
     let others: Vec<Item> = others.cloned().collect();
     let (container, destination) = container_of(item.class);
     picker.notify(&TaskEvent::Chosen { item, destination });
-    let outcome = picker.pick_and_place(item, &others, container, first);
+    let mut seen = None;
+    let look = || seen = Some(detector.detect());
+    let outcome = picker.pick_and_place_with(item, &others, container, first, look);
     if !outcome.as_ref().is_err_and(PickError::moves_nothing) {
         report.attempts += 1;
         report.log.push((item.id, outcome.is_ok()));
     }
-    outcome
+    (outcome, seen)
 }
 
 fn run<W: Workcell>(
@@ -178,12 +187,13 @@ fn run<W: Workcell>(
     let mut budget = 0;
     let mut looked_again = false;
     let mut blocked = 0;
+    let mut seen = None;
     loop {
         if picker.stop().request() != StopRequest::None {
             report.stopped = true;
             return Ok(());
         }
-        let items = look(picker, detector, &mut history, report)?;
+        let items = look(picker, detector, seen.take(), &mut history, report)?;
         // The arm may hide some at first.
         budget = budget.max(items.len() * options.max_attempts_per_object);
         report.left.clear();
@@ -195,7 +205,9 @@ fn run<W: Workcell>(
                 report.left.push((item.label.clone(), why));
                 continue;
             }
-            match attempt(picker, item, &items, before, report) {
+            let (outcome, then) = attempt(picker, item, &items, before, detector, report);
+            seen = then;
+            match outcome {
                 Ok(()) => {
                     report.released += 1;
                     progress = true;

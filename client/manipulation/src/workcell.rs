@@ -57,6 +57,15 @@ pub trait Workcell {
     /// A motion that something blocked is no error: that is how a grasp ends.
     fn command_hand(&mut self, line: &str) -> Result<String, WorkcellError>;
 
+    /// Starts commands of the hand, one after the other, and returns while it carries them out; what was started before must have
+    /// ended.
+    ///
+    /// One that fails ends them; [`finish_hand`](Self::finish_hand) has its error.
+    fn start_hand(&mut self, lines: &[String]) -> Result<(), WorkcellError>;
+
+    /// Waits for the end of what [`start_hand`](Self::start_hand) started; returns at once if nothing was.
+    fn finish_hand(&mut self) -> Result<(), WorkcellError>;
+
     /// Returns the positions of the motors of F1, F2, F3 and the spread, counts.
     fn fingers(&mut self) -> Result<[f64; 4], WorkcellError>;
 

@@ -126,6 +126,11 @@ impl Interceptor for Told {
         self.lines.lock().unwrap().push(line.to_owned());
         self.cell.command_hand(line)
     }
+
+    fn start_hand(&mut self, lines: &[String]) -> Result<(), WorkcellError> {
+        self.lines.lock().unwrap().extend_from_slice(lines);
+        self.cell.start_hand(lines)
+    }
 }
 
 /// A glass is taken as its script says: with a spread that no computed grasp of it has. One without a script is taken as usual.

@@ -230,6 +230,14 @@ fn may_be_heavy(item: &Item) -> bool {
     matches!(item.shape, ItemShape::Cuboid { size } if size.iter().product::<f64>() >= HEAVY_VOLUME)
 }
 
+/// Difference of the spread that does not matter, counts.
+const SAME_SPREAD: i32 = 20;
+
+/// Returns the command that opens the fingers after a grasp.
+fn opening(grasp: &Grasp) -> String {
+    format!("GM {}", grasp.released())
+}
+
 /// Asks the hand which clutches hold.
 const CLUTCHES: &str = "FGET BD";
 
@@ -262,6 +270,8 @@ pub struct Picker<W> {
     correction: Joints<7>,
     /// Position of the spread, counts.
     spread: i32,
+    /// Commands that the hand may still be carrying out.
+    started: Vec<String>,
     plans: u64,
     /// Of each container, in the order of the surroundings.
     fillings: [Filling; 3],
@@ -305,6 +315,7 @@ impl<W: Workcell> Picker<W> {
             at,
             correction: Joints::<7>::zeros(),
             spread,
+            started: Vec::new(),
             plans: 0,
             fillings,
             unstrained: [0; 3],
@@ -365,7 +376,20 @@ impl<W: Workcell> Picker<W> {
         container: usize,
         first: usize,
     ) -> Result<(), PickError> {
-        let outcome = self.try_pick_and_place(item, others, container, first);
+        self.pick_and_place_with(item, others, container, first, || ())
+    }
+
+    /// Picks and places as [`pick_and_place`](Self::pick_and_place), and calls `meanwhile` once, while the hand opens above the container:
+    /// then the arm is out of the view of cameras above the table. It is not called if there is an error before.
+    pub fn pick_and_place_with(
+        &mut self,
+        item: &Item,
+        others: &[Item],
+        container: usize,
+        first: usize,
+        meanwhile: impl FnOnce(),
+    ) -> Result<(), PickError> {
+        let outcome = self.try_pick_and_place(item, others, container, first, meanwhile);
         self.hold_after(&outcome);
         outcome
     }
@@ -389,6 +413,7 @@ impl<W: Workcell> Picker<W> {
         others: &[Item],
         container: usize,
         first: usize,
+        meanwhile: impl FnOnce(),
     ) -> Result<(), PickError> {
         let plan = self.pick(item, others, first)?;
         let step = Step::Lift;
@@ -425,7 +450,11 @@ impl<W: Workcell> Picker<W> {
         self.settle(Step::Transport)?;
         self.check_held(item, &plan.grasp, Step::Transport)?;
         self.fillings[container].add(&spot, item.shape.height());
-        self.let_go(&plan.grasp, Step::Release)
+        let step = Step::Release;
+        self.start_hand(step, vec![opening(&plan.grasp)])?;
+        meanwhile();
+        self.finish_hand(step)?;
+        self.pause(GRIP_TIME, step)
     }
 
     /// Picks `item` and sets it down on the table with its middle at `place`, m, where its sides are along x and y.
@@ -502,9 +531,7 @@ impl<W: Workcell> Picker<W> {
         self.unfold(&items)?;
         self.back_up(&items)?;
         let plan = self.plan_pick(item, others, first)?;
-        self.shape_hand(&plan.grasp)?;
-        let approach = self.plan_transit(item, others, &plan)?;
-        self.follow(&approach, Step::PreGrasp)?;
+        self.approach(item, others, &plan)?;
         // Fingers that come down a few millimetres beside their place may land on the object.
         self.settle(Step::PreGrasp)?;
         self.carry(&plan.line.down, Step::Approach)?;
@@ -617,16 +644,32 @@ impl<W: Workcell> Picker<W> {
         }
     }
 
-    /// Brings spread and fingers into the shape of the grasp.
-    fn shape_hand(&mut self, grasp: &Grasp) -> Result<(), PickError> {
+    /// Moves above the object and brings spread and fingers into the shape of the grasp: on the way, where every shape in between has
+    /// room, and before it otherwise.
+    fn approach(&mut self, item: &Item, others: &[Item], plan: &PickPlan) -> Result<(), PickError> {
+        let grasp = &plan.grasp;
+        let before = self.call(Step::Plan, Workcell::fingers)?;
         // Opening clears what the clutches reported.
-        self.hand(Step::Plan, "GO")?;
-        if (self.spread - grasp.spread).abs() > 20 {
-            self.hand(Step::Plan, &format!("SM {}", grasp.spread))?;
-            self.spread = grasp.spread;
+        let mut lines = vec!["GO".to_owned()];
+        if (self.spread - grasp.spread).abs() > SAME_SPREAD {
+            lines.push(format!("SM {}", grasp.spread));
         }
-        self.hand(Step::Plan, &format!("GM {}", grasp.open))
-            .map(drop)
+        lines.push(format!("GM {}", grasp.open));
+        let planned = self.plan_transit(item, others, plan);
+        let on_the_way = planned.ok().filter(|transit| {
+            self.has_room_to_shape(transit, &before, grasp, others.iter().chain([item]))
+        });
+        self.start_hand(Step::Plan, lines)?;
+        self.spread = grasp.spread;
+        let transit = match on_the_way {
+            Some(transit) => transit,
+            None => {
+                self.finish_hand(Step::Plan)?;
+                self.plan_transit(item, others, plan)?
+            }
+        };
+        self.follow(&transit, Step::PreGrasp)?;
+        self.finish_hand(Step::PreGrasp)
     }
 
     /// Announces a step in which the arm rests.
@@ -635,7 +678,7 @@ impl<W: Workcell> Picker<W> {
     }
 
     fn let_go(&mut self, grasp: &Grasp, step: Step) -> Result<(), PickError> {
-        self.hand(step, &format!("GM {}", grasp.released()))?;
+        self.hand(step, &opening(grasp))?;
         self.pause(GRIP_TIME, step)
     }
 
@@ -649,9 +692,41 @@ impl<W: Workcell> Picker<W> {
 
     fn hand(&mut self, step: Step, line: &str) -> Result<String, PickError> {
         self.check_stop(step)?;
+        // A started command of an attempt that failed.
+        self.finish_hand(step)?;
+        self.with_rests(step, |cell| cell.command_hand(line))
+    }
+
+    /// Starts commands of the hand, which carries them out while the arm moves.
+    fn start_hand(&mut self, step: Step, lines: Vec<String>) -> Result<(), PickError> {
+        self.check_stop(step)?;
+        self.finish_hand(step)?;
+        self.call(step, |cell| cell.start_hand(&lines))?;
+        self.started = lines;
+        Ok(())
+    }
+
+    /// Waits for the end of started commands; a hand that became too hot gets all of them again when it has cooled down.
+    fn finish_hand(&mut self, step: Step) -> Result<(), PickError> {
+        let lines = std::mem::take(&mut self.started);
+        let mut is_first = true;
+        self.with_rests(step, |cell| {
+            if !std::mem::take(&mut is_first) {
+                cell.start_hand(&lines)?;
+            }
+            cell.finish_hand()
+        })
+    }
+
+    /// Repeats commands that a hot hand refused, when it has cooled down.
+    fn with_rests<R>(
+        &mut self,
+        step: Step,
+        mut command: impl FnMut(&mut W) -> Result<R, WorkcellError>,
+    ) -> Result<R, PickError> {
         let mut rests = 0;
         loop {
-            match self.cell.command_hand(line) {
+            match command(&mut self.cell) {
                 Ok(reply) => return Ok(reply),
                 // Fingers without current keep their grip.
                 Err(error) if error.is_overheated() && rests < MAX_RESTS => {

@@ -45,7 +45,7 @@ impl Motion {
     }
 
     /// Returns postures along the motion, from its begin to its end.
-    fn postures(&self) -> Vec<Joints<7>> {
+    pub(super) fn postures(&self) -> Vec<Joints<7>> {
         let last = PATH_POSTURES - 1;
         let part = |index: usize| self.trajectory.duration() * index as f64 / last as f64;
         (0..=last)
@@ -184,7 +184,7 @@ impl<W: Workcell> Picker<W> {
         Ok((joint, away[joint]))
     }
 
-    fn call<R>(
+    pub(super) fn call<R>(
         &mut self,
         step: Step,
         call: impl FnOnce(&mut W) -> Result<R, crate::WorkcellError>,

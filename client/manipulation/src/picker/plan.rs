@@ -3,6 +3,7 @@
 use std::f64::consts::{PI, TAU};
 
 use nalgebra::{Point3, Rotation3, Vector3};
+use yarp_devices::hand::FingerJoints;
 use yarp_devices::kinematics::{Joints, Pose};
 use yarp_devices::trajectory::JointLimits;
 use yarp_planning::{
@@ -44,6 +45,9 @@ const FINGER_ROOM: f64 = 0.05;
 /// Step of the posture in which an unfolding motion is examined, rad, and how much nearer than before it may come to anything, m.
 const UNFOLDING_STEP: f64 = 0.02;
 const UNFOLDING_TOLERANCE: f64 = 0.001;
+/// Steps of fingers and spread in which shapes between two others are examined, counts: 12 degrees each, which moves a fingertip by 30 mm.
+const SHAPE_STEP_FINGER: f64 = 1500.0;
+const SHAPE_STEP_SPREAD: f64 = 210.0;
 /// Number of postures per grasp for which a straight approach is tried.
 const POSTURES: usize = 4;
 /// Largest and smallest radius of the spheres that stand for a held object, m.
@@ -172,6 +176,25 @@ impl<W: Workcell> Picker<W> {
                 step: Step::PreGrasp,
                 source,
             })
+    }
+
+    /// Returns whether the hand may change its shape anywhere on this way to a grasp: from these positions of the motors to open
+    /// fingers, another spread and the fingers of the grasp.
+    pub(super) fn has_room_to_shape<'a>(
+        &self,
+        transit: &Motion,
+        before: &[f64; 4],
+        grasp: &Grasp,
+        items: impl IntoIterator<Item = &'a Item>,
+    ) -> bool {
+        let scene = self.scene(items);
+        let postures = transit.postures();
+        shapes_between(before, grasp).iter().all(|fingers| {
+            let geometry = ArmGeometry::wam_with_hand(fingers);
+            let model = self.collisions(geometry, scene.clone());
+            let is_free = |pair: &[Joints<7>]| model.is_motion_free(&pair[0], &pair[1]);
+            postures.windows(2).all(is_free)
+        })
     }
 
     /// Plans the motion of a held object to the place in the container where what is there is lowest.
@@ -362,6 +385,28 @@ impl<W: Workcell> Picker<W> {
     fn collisions(&self, geometry: ArmGeometry, scene: Scene) -> CollisionModel {
         CollisionModel::new(&self.model.chain, geometry, scene)
     }
+}
+
+/// Returns shapes of the hand between these positions of its motors and a grasp: the fingers open, the spread turns, the fingers
+/// close a little.
+fn shapes_between(before: &[f64; 4], grasp: &Grasp) -> Vec<[FingerJoints; 3]> {
+    let [one, two, three, spread] = *before;
+    let (open, turned) = (f64::from(grasp.open), f64::from(grasp.spread));
+    let parts = |length: f64, step: f64| {
+        let count = (length.abs() / step).ceil().max(1.0) as u32;
+        (0..=count).map(move |index| f64::from(index) / f64::from(count))
+    };
+    let mut shapes = Vec::new();
+    for part in parts(one.max(two).max(three), SHAPE_STEP_FINGER) {
+        shapes.push([one, two, three].map(|finger| finger_joints(finger * part, spread)));
+    }
+    for part in parts(turned - spread, SHAPE_STEP_SPREAD) {
+        shapes.push([finger_joints(0.0, spread + (turned - spread) * part); 3]);
+    }
+    for part in parts(open, SHAPE_STEP_FINGER) {
+        shapes.push([finger_joints(open * part, turned); 3]);
+    }
+    shapes
 }
 
 /// Returns turns about the vertical after which the sides of an item are along x and y, rad; the least turn first.

@@ -3,6 +3,7 @@
 #![allow(dead_code, unreachable_pub, reason = "each user needs a part of it")]
 
 use std::cell::RefCell;
+use std::collections::VecDeque;
 use std::rc::Rc;
 use std::time::Duration;
 
@@ -27,12 +28,51 @@ pub struct Table {
     pub fails_after: Option<usize>,
     renderer: Renderer,
     looks: u64,
+    /// Commands that the hand is to carry out, after the one that it is busy with.
+    hand_lines: VecDeque<String>,
 }
 
 impl Table {
+    fn tell_hand(&mut self, line: &str) {
+        self.simulation.hand_mut().receive(line.as_bytes());
+        self.simulation.hand_mut().receive(b"\r");
+    }
+
+    /// Gives the hand its next command if it has carried out the last one.
+    fn give_next_line(&mut self) {
+        if !self.hand_lines.is_empty() && !self.simulation.hand().is_busy() {
+            let line = self.hand_lines.pop_front().unwrap_or_default();
+            self.tell_hand(&line);
+        }
+    }
+
+    /// Waits until the hand has carried out what it was told, and returns its output.
+    fn finish_hand(&mut self) -> Result<String, WorkcellError> {
+        let end = self.simulation.time() + Duration::from_secs(15);
+        let is_busy =
+            |table: &Self| table.simulation.hand().is_busy() || !table.hand_lines.is_empty();
+        while is_busy(self) && self.simulation.time() < end {
+            self.step(0.002);
+        }
+        let said = self.simulation.hand_mut().take_output();
+        let said = String::from_utf8_lossy(&said).into_owned();
+        if said.contains("ERR") && !said.contains("ERR 16") {
+            let status = said.split("ERR ").nth(1).and_then(|rest| {
+                let digits = rest.split_whitespace().next()?;
+                digits.parse().ok().map(Status::new)
+            });
+            let what = status.map_or_else(|| said.clone(), |status| status.to_string());
+            return Err(failed("command the hand")(DeviceError::NotSupported {
+                what,
+            }));
+        }
+        Ok(said)
+    }
+
     pub fn step(&mut self, seconds: f64) {
         let end = self.simulation.time() + Duration::from_secs_f64(seconds);
         while self.simulation.time() < end {
+            self.give_next_line();
             self.simulation.step();
             let contacts = self.simulation.physics().contacts();
             let touches = |other: Other| matches!(other, Other::Table | Other::Basket);
@@ -60,6 +100,7 @@ pub fn shared(scene: Scene, options: yarp_table::SimulationOptions) -> Shared {
         fails_after: None,
         renderer: Renderer::new(),
         looks: 0,
+        hand_lines: VecDeque::new(),
     }))
 }
 
@@ -161,26 +202,22 @@ impl Workcell for SimulatedCell {
     fn command_hand(&mut self, line: &str) -> Result<String, WorkcellError> {
         self.fail()?;
         let mut table = self.0.borrow_mut();
-        table.simulation.hand_mut().receive(line.as_bytes());
-        table.simulation.hand_mut().receive(b"\r");
-        let end = table.simulation.time() + Duration::from_secs(15);
-        while table.simulation.hand().is_busy() && table.simulation.time() < end {
-            table.step(0.002);
-        }
-        let said = table.simulation.hand_mut().take_output();
-        let said = String::from_utf8_lossy(&said).into_owned();
-        if said.contains("ERR") && !said.contains("ERR 16") {
-            let status = said.split("ERR ").nth(1).and_then(|rest| {
-                let digits = rest.split_whitespace().next()?;
-                digits.parse().ok().map(Status::new)
-            });
-            let status = status.map_or_else(|| said.clone(), |status| status.to_string());
-            let what = format!("{line}: {status}");
-            return Err(failed("command the hand")(DeviceError::NotSupported {
-                what,
-            }));
-        }
-        Ok(said)
+        table.finish_hand()?;
+        table.tell_hand(line);
+        table.finish_hand()
+    }
+
+    fn start_hand(&mut self, lines: &[String]) -> Result<(), WorkcellError> {
+        self.fail()?;
+        let mut table = self.0.borrow_mut();
+        table.finish_hand()?;
+        table.hand_lines.extend(lines.iter().cloned());
+        table.give_next_line();
+        Ok(())
+    }
+
+    fn finish_hand(&mut self) -> Result<(), WorkcellError> {
+        self.0.borrow_mut().finish_hand().map(drop)
     }
 
     fn fingers(&mut self) -> Result<[f64; 4], WorkcellError> {
@@ -231,6 +268,10 @@ pub trait Interceptor {
         self.cell().command_hand(line)
     }
 
+    fn start_hand(&mut self, lines: &[String]) -> Result<(), WorkcellError> {
+        self.cell().start_hand(lines)
+    }
+
     fn hold(&mut self) -> Result<(), WorkcellError> {
         self.cell().hold()
     }
@@ -262,6 +303,14 @@ impl<I: Interceptor> Workcell for Intercepted<I> {
 
     fn command_hand(&mut self, line: &str) -> Result<String, WorkcellError> {
         self.0.command_hand(line)
+    }
+
+    fn start_hand(&mut self, lines: &[String]) -> Result<(), WorkcellError> {
+        self.0.start_hand(lines)
+    }
+
+    fn finish_hand(&mut self) -> Result<(), WorkcellError> {
+        self.0.cell().finish_hand()
     }
 
     fn fingers(&mut self) -> Result<[f64; 4], WorkcellError> {
