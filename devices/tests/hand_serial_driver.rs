@@ -330,6 +330,38 @@ fn realtime_tells_positions_while_motors_move() {
     assert!(first > 19.0 && second > 19.0 && third > 19.0 && spread == 0.0);
 }
 
+/// The driver sets the content of the blocks once, and again after anything that may have changed it.
+#[test]
+fn realtime_has_its_layout_again_after_others_were_set_and_after_a_loss_of_power() {
+    let stage = Stage::new();
+    let hand = stage.ready();
+    let told = MotorLayout {
+        speed: Some(1),
+        position: true,
+        ..MotorLayout::default()
+    };
+    let layout = Layout::same(MotorSet::FINGERS, told);
+    let check = |when: &str| {
+        let mut session = hand.realtime(layout.clone()).expect(when);
+        for _ in 0..3 {
+            let feedback = session.ask().expect(when);
+            let positions = feedback.motors.map(|motor| motor.position);
+            assert_eq!(positions, [Some(0), Some(0), Some(0), None], "{when}");
+        }
+        session.end().expect(when);
+    };
+    check("at first");
+    check("without a change");
+    // More in each block, and less.
+    for line in ["GFSET LFS 1", "2FSET LFAP 0", "FLOAD", "FDEF", "GM 0"] {
+        hand.send_command(line).expect("the hand takes it");
+        check(line);
+    }
+    stage.there.restart();
+    hand.initialise().expect("nothing is in its way");
+    check("after a loss of power");
+}
+
 #[test]
 fn realtime_is_left_also_when_the_session_is_dropped_and_motors_stop() {
     let stage = Stage::new();

@@ -61,7 +61,11 @@ impl<'h> RealTimeSession<'h> {
     /// Errors: as [`control`](Self::control).
     pub fn exchange(&mut self, header: Header, control: &Control) -> Result<Feedback, HandError> {
         let outcome = self.blocks(header, control);
-        self.over |= outcome.is_err();
+        if outcome.is_err() {
+            self.over = true;
+            // It may have lost its power, and with it what it was set to.
+            self.line.layout = None;
+        }
         outcome
     }
 

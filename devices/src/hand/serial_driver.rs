@@ -126,6 +126,8 @@ pub(super) struct LineState {
     in_realtime: bool,
     /// The version that the hand reported since the line was opened.
     version: Option<FirmwareVersion>,
+    /// The layout of RealTime that the hand was set to last, if it still has those parameters for certain.
+    pub(super) layout: Option<Layout>,
     /// True if it was aborted since the present caller began to use the line: then nothing more is done for that
     /// caller.
     aborted: bool,
@@ -143,6 +145,7 @@ impl BarrettHand {
                 is_synchronised: false,
                 in_realtime: true,
                 version: None,
+                layout: None,
                 aborted: false,
             }),
             options,
@@ -218,17 +221,22 @@ impl BarrettHand {
     pub fn realtime(&self, mut layout: Layout) -> Result<RealTimeSession<'_>, HandError> {
         let mut line = self.hold("LOOP")?;
         layout.firmware = self.version_of(&mut line)?;
+        let is_set = line.layout.as_ref() == Some(&layout);
         for command in layout.commands() {
             let text = command.to_string();
             if command.verb != Verb::Loop {
-                self.transact(&mut line, &text)?;
+                if !is_set {
+                    self.transact(&mut line, &text)?;
+                }
                 continue;
             }
             self.send_until_echoed(&mut line, &text)?;
             self.send_line_end(&mut line, &text)?;
             line.is_synchronised = false;
             line.in_realtime = true;
+            line.layout = None;
             self.enter(&mut line, &text)?;
+            line.layout = Some(layout.clone());
         }
         Ok(RealTimeSession::new(
             self,
@@ -299,14 +307,12 @@ impl BarrettHand {
 
     /// Sends a line, waits for the prompt, and judges the answer.
     fn transact(&self, line: &mut LineState, text: &str) -> Result<Reply, HandError> {
+        let verb = Command::parse(text).map(|command| command.verb);
+        if !verb.as_ref().is_ok_and(keeps_parameters) {
+            line.layout = None;
+        }
         self.send_characters(line, text)?;
-        let initialises = matches!(
-            Command::parse(text),
-            Ok(Command {
-                verb: Verb::Initialise,
-                ..
-            })
-        );
+        let initialises = matches!(verb, Ok(Verb::Initialise));
         let timeout = self.options.motion_timeout * if initialises { 2 } else { 1 };
         line.is_synchronised = false;
         let mut reader = ReplyReader::new("");
@@ -565,6 +571,7 @@ impl BarrettHand {
         // A reconnected hand may have lost its power, and with it the baud rate that was set.
         line.baud = self.options.baud;
         line.version = None;
+        line.layout = None;
         self.connected.store(false, Ordering::Release);
         warn!(path = %self.options.path, step, error = %source, "the line to the hand broke");
         HandError::LineLost { step, source }
@@ -634,6 +641,29 @@ fn is_spoiled(seen: &[u8]) -> bool {
     };
     let answer = &seen[echo + 1..];
     answer.windows(4).any(|four| four == b"ERR ") && answer.ends_with(PROMPT)
+}
+
+/// Returns whether all parameters certainly have the same values after a command. A hand that had lost its power is initialised again,
+/// which is no such command.
+fn keeps_parameters(verb: &Verb) -> bool {
+    match verb {
+        Verb::Close
+        | Verb::Open
+        | Verb::TorqueClose
+        | Verb::TorqueOpen
+        | Verb::StepClose(_)
+        | Verb::StepOpen(_)
+        | Verb::Move(_)
+        | Verb::Home
+        | Verb::Terminate
+        | Verb::Get(..)
+        | Verb::List(..)
+        | Verb::Help { .. }
+        | Verb::Errors
+        | Verb::Version
+        | Verb::Ping => true,
+        Verb::Initialise | Verb::Loop | Verb::Set(..) | Verb::Keep(..) | Verb::Reset => false,
+    }
 }
 
 fn garbled(text: &str, source: ReplyError) -> HandError {

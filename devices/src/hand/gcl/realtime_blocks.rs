@@ -230,8 +230,7 @@ impl Layout {
     /// EEPROM would shift all that follows it.
     pub fn commands(&self) -> Vec<Command> {
         let mut commands = Vec::new();
-        for (motor, layout) in Motor::ALL.into_iter().zip(&self.motors) {
-            let Some(layout) = layout else { continue };
+        for (motors, layout) in self.groups() {
             let values = [
                 ("LCV", i32::from(layout.speed.is_some())),
                 ("LCVC", i32::from(layout.speed.unwrap_or(1))),
@@ -244,7 +243,7 @@ impl Layout {
                 ("LFDPC", i32::from(layout.change.unwrap_or(1))),
             ];
             let verb = Verb::Set(Scope::Motor, values.map(pair(Scope::Motor)).to_vec());
-            commands.push(Command::from((motor, verb)));
+            commands.push(Command::new(motors, verb));
             if self.firmware.has_newer_fields() {
                 let values = [
                     ("LCT", i32::from(layout.torque)),
@@ -252,13 +251,26 @@ impl Layout {
                     ("LFAIN", i32::from(layout.analog)),
                 ];
                 let verb = Verb::Set(Scope::Motor, values.map(pair(Scope::Motor)).to_vec());
-                commands.push(Command::from((motor, verb)));
+                commands.push(Command::new(motors, verb));
             }
         }
         let temperature = pair(Scope::Hand)(("LFT", i32::from(self.temperature)));
         commands.push(Verb::Set(Scope::Hand, vec![temperature]).into());
         commands.push(Command::new(self.taking_part(), Verb::Loop));
         commands
+    }
+
+    /// Returns the motors that take part, those with the same content together.
+    fn groups(&self) -> Vec<(MotorSet, MotorLayout)> {
+        let mut groups: Vec<(MotorSet, MotorLayout)> = Vec::new();
+        for (motor, layout) in Motor::ALL.into_iter().zip(self.motors) {
+            let Some(layout) = layout else { continue };
+            match groups.iter_mut().find(|(_, other)| *other == layout) {
+                Some((motors, _)) => *motors = motors.with(motor),
+                None => groups.push((MotorSet::NONE.with(motor), layout)),
+            }
+        }
+        groups
     }
 
     /// Returns the number of bytes after the header of a control block with data.
@@ -458,6 +470,8 @@ mod tests {
         assert_eq!(feedback.temperature, Some(350));
         let commands = layout.commands();
         assert_eq!(commands.last().unwrap().to_string(), "124LOOP");
+        let set: Vec<String> = commands.iter().map(Command::to_string).collect();
+        assert!(set[0].starts_with("12FSET ") && set[1].starts_with("SFSET "));
     }
 
     /// Recorded in a program of the time: 43 64 5A 64 5A 64 5A.
