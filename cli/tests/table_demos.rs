@@ -236,6 +236,69 @@ fn a_name_server_that_restarts_disturbs_nothing() {
     assert_eq!(value(&ended, "error"), "null", "{ended:?}");
 }
 
+/// A name server, a table, a program that sees what is on it, and one that tidies it.
+#[cfg(feature = "vision")]
+struct SeeingLab {
+    _server: Running,
+    _table: Running,
+    vision: Running,
+    demo: Running,
+}
+
+#[cfg(feature = "vision")]
+impl SeeingLab {
+    const VISION: &str = "vision serve --prefix /lab --name /lab/vision";
+
+    /// Starts all of them, and returns when the first object is grasped.
+    fn start(home: &Home) -> Self {
+        let server = home.serve();
+        let table = home
+            .start("table --objects 2 --seed 7005 --speed 2 --prefix /lab --no-view")
+            .see("A table with 2 objects");
+        let vision = home.start(Self::VISION).see("Objects that /lab/camera and");
+        let demo = home.start("demo tidy --remote /lab --speed 2 --detector /lab/vision");
+        home.run("wait /tidy/plan:o").with(0);
+        let mut viewer = home.start("read ... /tidy/plan:o");
+        assert!(viewer.sees_within("(phase grasp)", DEMO_TIMEOUT));
+        viewer.kill();
+        Self {
+            _server: server,
+            _table: table,
+            vision,
+            demo,
+        }
+    }
+}
+
+#[cfg(feature = "vision")]
+#[test]
+fn a_vision_process_that_is_killed_and_started_again_is_asked_again() {
+    let _turn = turn();
+    let home = Home::new();
+    let lab = SeeingLab::start(&home);
+    lab.vision.kill();
+    let _vision = home
+        .start(SeeingLab::VISION)
+        .see("Objects that /lab/camera and");
+    let ended = end_of(lab.demo);
+    assert_eq!(value(&ended, "error"), "null", "{ended:?}");
+    assert_eq!(value(&ended, "released"), "2", "{ended:?}");
+}
+
+/// What is in the hand is placed first: nobody needs to see for that.
+#[cfg(feature = "vision")]
+#[test]
+fn a_vision_process_that_is_killed_ends_the_demo_with_its_name() {
+    let _turn = turn();
+    let home = Home::new();
+    let lab = SeeingLab::start(&home);
+    lab.vision.kill();
+    let ended = end_of(lab.demo).with(1);
+    let error = value(&ended, "error");
+    assert!(error.contains("/lab/vision"), "{ended:?}");
+    assert_eq!(value(&ended, "released"), "1", "{ended:?}");
+}
+
 /// Returns the error with which a demo ends.
 fn error_of(demo: Running) -> String {
     value(&end_of(demo).with(1), "error")

@@ -167,6 +167,8 @@ impl Command {
             Self::HandSim(_) => true,
             #[cfg(feature = "table")]
             Self::Table(args) => args.serves(),
+            #[cfg(feature = "vision")]
+            Self::Vision(args) => args.serves(),
             #[cfg(unix)]
             Self::Run(args) => args.serves(),
             _ => false,
@@ -233,7 +235,7 @@ impl Command {
             Self::Version(args) => version::run(args, out),
             Self::View(args) => view::run(args, out).await,
             #[cfg(feature = "vision")]
-            Self::Vision(args) => vision::run(args, out),
+            Self::Vision(args) => vision::run(args, out).await,
             Self::Wait(args) => wait::run(args, out).await,
             Self::Wam(args) => wam::run(args, out).await,
             Self::WamNode(args) => wam_node::run(args, out).await,

@@ -10,8 +10,9 @@ use support::{Intercepted, Interceptor, Shared, SimulatedCell, Truth, item, shar
 use yarp_devices::kinematics::{Joints, Pose};
 use yarp_devices::{Axes, Mode};
 use yarp_manipulation::{
-    GraspOptions, GraspScripts, Item, ItemShape, PickError, Picker, PickerOptions, Step, Stop,
-    Surroundings, TaskEvent, TidyOptions, Workcell, WorkcellError, grasps, tidy,
+    DetectError, Detector, GraspOptions, GraspScripts, Item, ItemShape, PickError, Picker,
+    PickerOptions, Step, Stop, Surroundings, TaskEvent, TidyOptions, Workcell, WorkcellError,
+    grasps, tidy,
 };
 use yarp_table::{BrickKind, Finish, Random, Scene, Shape, SimulationOptions, arm_model};
 
@@ -178,6 +179,104 @@ fn a_listed_script_is_preferred_to_the_grasps_of_the_shape() {
         let by_script = lines.lock().unwrap().contains(&format!("SM {spread}"));
         assert_eq!(by_script, is_listed, "{label}");
     }
+}
+
+/// Counts the set points that the arm gets while the hand takes the shape of the first grasp.
+struct Overlap {
+    cell: SimulatedCell,
+    shaping: bool,
+    count: Arc<Mutex<Option<usize>>>,
+}
+
+impl Interceptor for Overlap {
+    fn cell(&mut self) -> &mut SimulatedCell {
+        &mut self.cell
+    }
+
+    fn command(&mut self, joints: &Joints<7>) -> Result<(), WorkcellError> {
+        if let (true, Some(count)) = (self.shaping, &mut *self.count.lock().unwrap()) {
+            *count += 1;
+        }
+        self.cell.command(joints)
+    }
+
+    fn start_hand(&mut self, lines: &[String]) -> Result<(), WorkcellError> {
+        let mut count = self.count.lock().unwrap();
+        self.shaping = count.is_none();
+        count.get_or_insert(0);
+        self.cell.start_hand(lines)
+    }
+
+    fn finish_hand(&mut self) -> Result<(), WorkcellError> {
+        self.shaping = false;
+        self.cell.finish_hand()
+    }
+}
+
+/// Picks a box beside a post, whose distance is given, m; returns the number of set points on the way to it during which the hand
+/// changed its shape.
+fn overlap(post: f64) -> Option<usize> {
+    let (table, _, item) = table(BOX, 0.55, 0.05);
+    let count = Arc::<Mutex<Option<usize>>>::default();
+    let cell = Overlap {
+        cell: SimulatedCell(table.clone()),
+        shaping: false,
+        count: count.clone(),
+    };
+    let mut picker = support::picker(Intercepted(cell)).expect("the simulated arm is ready");
+    let place = item.pose * nalgebra::Point3::new(0.0, post, 0.09);
+    let beside = Item {
+        id: 99,
+        label: "post".to_owned(),
+        shape: ItemShape::Cuboid {
+            size: [0.02, 0.02, 0.28],
+        },
+        pose: Pose::from_parts(place.into(), item.pose.rotation),
+        ..item.clone()
+    };
+    picker.pick_and_place(&item, &[beside], 0, 0).ok()?;
+    *count.lock().unwrap()
+}
+
+/// The fingers sweep more room than they need in the shape of the grasp.
+#[test]
+fn the_hand_takes_its_shape_on_the_way_only_where_there_is_room() {
+    assert_eq!(overlap(0.11), Some(0));
+    let far = overlap(0.30).expect("it is placed");
+    assert!(far > 20, "{far}");
+}
+
+/// The detector looks while the hand opens: nobody waits for it.
+#[test]
+fn objects_are_detected_while_the_hand_opens() {
+    struct Watching {
+        truth: Truth,
+        busy: Vec<bool>,
+    }
+    impl Detector for Watching {
+        fn name(&self) -> &'static str {
+            self.truth.name()
+        }
+
+        fn detect(&mut self) -> Result<Vec<Item>, DetectError> {
+            let is_busy = self.truth.table.borrow().simulation.hand().is_busy();
+            self.busy.push(is_busy);
+            self.truth.detect()
+        }
+    }
+    let (table, mut picker, _) = table(BOX, 0.55, 0.05);
+    let mut detector = Watching {
+        truth: Truth {
+            table,
+            random: Random::for_purpose(1, 1),
+            noise: 0.0,
+        },
+        busy: Vec::new(),
+    };
+    let report = tidy(&mut picker, &mut detector, &TidyOptions::default());
+    assert_eq!((report.released, report.left.len()), (1, 0), "{report:?}");
+    // At first, during the release, and once more before an empty table is believed.
+    assert_eq!(detector.busy, [false, true, false]);
 }
 
 /// A carton of 1.05 kg slipped in every sixth grasp; a small box would be turned by fingers that curl below it.

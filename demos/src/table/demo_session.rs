@@ -16,13 +16,15 @@ use yarp_view::{LogLines, View};
 
 use super::served_table::CLOCK;
 use super::task_display::TaskDisplay;
-use super::{ContainerView, RemoteTruth, ServedTable, ServedTableOptions, TableDemoError};
+use super::{
+    ContainerView, RemoteDetector, RemoteTruth, ServedTable, ServedTableOptions, TableDemoError,
+};
 
 /// Standard deviation of a detected place along x and y by default, m.
 pub const NOISE: f64 = 0.001;
 
 /// Sources of objects.
-#[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
+#[derive(Clone, Debug, Default, Eq, PartialEq)]
 #[non_exhaustive]
 pub enum DetectorChoice {
     /// Asks the simulation, with noise.
@@ -31,6 +33,8 @@ pub enum DetectorChoice {
     /// Looks through the cameras.
     #[cfg(feature = "vision")]
     Vision,
+    /// Asks the program with this port, such as `yarp vision serve`.
+    Port(String),
 }
 
 /// Places of the table of a demo.
@@ -230,10 +234,16 @@ pub(super) fn connect(
     options: &TableDemoOptions,
     stop: &Stop,
 ) -> Result<(Picker<RemoteWorkcell>, Box<dyn Detector>), TableDemoError> {
+    // Before anything is connected, and before the arm is prepared.
+    let scripts = match &options.files.database {
+        Some(database) => Some(GraspScripts::read(database)?),
+        None => None,
+    };
     let names = [format!("{prefix}/wam"), format!("{prefix}/hand")];
     let arm = Robot::connect_on(network, &names[0])?;
     let hand = Hand::connect_on(network, &names[1])?;
-    let detector: Box<dyn Detector> = match options.detector {
+    let detector: Box<dyn Detector> = match &options.detector {
+        DetectorChoice::Port(name) => Box::new(RemoteDetector::connect(network, name)?),
         DetectorChoice::Truth => {
             let truth = format!("{prefix}/truth/rpc:i");
             let (noise, seed) = (options.noise, options.seed);
@@ -263,8 +273,8 @@ pub(super) fn connect(
     picking.seed = options.seed;
     let surroundings = Surroundings::default();
     let mut picker = Picker::new(cell, arm_model(), surroundings, picking, stop.clone())?;
-    if let Some(database) = &options.files.database {
-        picker.prefer_scripts(GraspScripts::read(database)?);
+    if let Some(scripts) = scripts {
+        picker.prefer_scripts(scripts);
     }
     Ok((picker, detector))
 }

@@ -8,6 +8,8 @@
 //! | `container_view` | [`ContainerView`]: what depth sensors see in the baskets |
 //! | `truth` | [`RemoteTruth`]: a detector that asks the table itself, with noise |
 //! | `vision` | a detector that looks through the table's cameras (feature `vision`) |
+//! | `item_message`, `remote_detector` | objects as bottles, and [`RemoteDetector`]: a detector that asks another program |
+//! | `vision_server` | recognition as a program of its own (feature `vision`) |
 //! | `demo_session` | [`TableDemoOptions`]: the start of a demo, here or on devices elsewhere |
 //! | `tidy` | [`tidy::run`]: every object into the basket of its class |
 //! | `reorder` | [`reorder::run`]: every object into the slot that was commanded |
@@ -15,6 +17,8 @@
 
 mod container_view;
 mod demo_session;
+mod item_message;
+mod remote_detector;
 pub mod reorder;
 mod scene_message;
 mod served_table;
@@ -25,13 +29,18 @@ pub mod tidy;
 mod truth;
 #[cfg(feature = "vision")]
 mod vision;
+#[cfg(feature = "vision")]
+mod vision_server;
 
 pub use container_view::ContainerView;
 pub use demo_session::{DetectorChoice, NOISE, TableDemoOptions, TableFiles, TablePlace};
+pub use remote_detector::RemoteDetector;
 pub use served_table::{ServedTable, ServedTableOptions};
 pub use truth::{RemoteTruth, serve_truth};
 #[cfg(feature = "vision")]
 pub use vision::RemoteVision;
+#[cfg(feature = "vision")]
+pub use vision_server::serve_vision;
 
 use yarp_devices::DeviceError;
 use yarp_manipulation::PickError;

@@ -2,20 +2,17 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use nalgebra::{Rotation3, Translation3};
+use nalgebra::Rotation3;
 use yarp_client::{Bottle, Network, RpcClient, RpcServer, Value, bottle};
-use yarp_devices::kinematics::Pose;
-use yarp_manipulation::{Class, DetectError, Detector, Item, ItemShape};
+use yarp_manipulation::{DetectError, Detector, Item};
 use yarp_table::{Object, Random, Scene, Shape};
 
-/// Maximum number of objects of a reply.
-const MAX_OBJECTS: usize = 1000;
+use super::item_message::{self, MAX_OBJECTS};
+
 /// Height above the table's surface below which an object's bottom counts as standing on it, m: higher ones are held.
 const ON_TABLE: f64 = 0.03;
 
-/// Opens a port that answers `list` with the objects: `[is] (id class x y z roll pitch yaw (sizes)) ...` in m and rad.
-///
-/// Sizes are edges along x, y and z of a box or carton, side and height of a prism, radius and height of a glass or plate.
+/// Opens a port that answers `list` with the objects: `is (id word x y z roll pitch yaw (sizes) label) ...` in m and rad.
 pub fn serve_truth(
     network: &Network,
     name: &str,
@@ -36,8 +33,6 @@ pub fn serve_truth(
 }
 
 fn described(object: &Object) -> Bottle {
-    let place = object.pose.translation.vector;
-    let (roll, pitch, yaw) = object.pose.rotation.euler_angles();
     let sizes: Vec<f64> = match object.shape {
         Shape::Prism { side, height } => vec![side, height],
         Shape::Glass { radius, height, .. } | Shape::Plate { radius, height } => {
@@ -45,18 +40,8 @@ fn described(object: &Object) -> Bottle {
         }
         ref other => other.extent().to_vec(),
     };
-    let mut list = Bottle::new();
-    for size in sizes {
-        list.push(size);
-    }
-    let mut all = Bottle::new();
-    all.push(object.id as i32);
-    all.push(object.class().word());
-    for number in [place.x, place.y, place.z, roll, pitch, yaw] {
-        all.push(number);
-    }
-    all.push(Value::List(list));
-    all
+    let word = object.class().word();
+    item_message::entry(object.id, word, &object.pose, &sizes, word)
 }
 
 /// A detector that asks the simulated table, with noise of the order of a calibrated camera's.
@@ -96,49 +81,20 @@ impl RemoteTruth {
     }
 
     fn item(&mut self, entry: &Bottle) -> Option<Item> {
-        let number = |index: usize| entry.get(index).and_then(Value::as_f64);
-        let id = u32::try_from(entry.get(0).and_then(Value::as_i32)?).ok()?;
-        let word = entry.get(1).and_then(Value::as_str)?;
-        let sizes = entry.get(8).and_then(Value::as_list)?;
-        let size = |index: usize| sizes.get(index).and_then(Value::as_f64);
-        let (class, shape) = match word {
-            "box" | "brick" => {
-                let size = [size(0)?, size(1)?, size(2)?];
-                (Class::Polygon, ItemShape::Cuboid { size })
-            }
-            "prism" => {
-                let (side, height) = (size(0)?, size(1)?);
-                (Class::Polygon, ItemShape::Prism { side, height })
-            }
-            "glass" | "plate" => {
-                let class = if word == "glass" {
-                    Class::Glass
-                } else {
-                    Class::Plate
-                };
-                let (radius, height) = (size(0)?, size(1)?);
-                (class, ItemShape::Cylinder { radius, height })
-            }
-            _ => return None,
-        };
-        let (x, y, z) = (number(2)?, number(3)?, number(4)?);
+        let mut item = item_message::read(entry)?;
+        let place = item.pose.translation.vector;
         let mut noise = |scale: f64| self.random.gaussian() * scale;
-        let place = Translation3::new(x + noise(self.noise), y + noise(self.noise), z);
-        let yaw = number(7)? + noise(self.noise / 0.05);
-        let turn = Rotation3::from_euler_angles(number(5)?, number(6)?, yaw);
-        let item = Item {
-            id,
-            label: word.to_owned(),
-            class,
-            shape,
-            pose: Pose::from_parts(place, turn),
-        };
+        item.pose.translation.x += noise(self.noise);
+        item.pose.translation.y += noise(self.noise);
+        let (roll, pitch, yaw) = item.pose.rotation.euler_angles();
+        let yaw = yaw + noise(self.noise / 0.05);
+        item.pose.rotation = Rotation3::from_euler_angles(roll, pitch, yaw);
         // Whichever side it lies on.
         let item = item.at_rest();
         let inside = |value: f64, [from, to]: [f64; 2]| (from..=to).contains(&value);
-        let bottom = z - item.shape.height() / 2.0;
-        let is_there = inside(x, self.table[0])
-            && inside(y, self.table[1])
+        let bottom = place.z - item.shape.height() / 2.0;
+        let is_there = inside(place.x, self.table[0])
+            && inside(place.y, self.table[1])
             && (-ON_TABLE..ON_TABLE).contains(&(bottom - self.surface));
         is_there.then_some(item)
     }
@@ -158,16 +114,7 @@ impl Detector for RemoteTruth {
                 source: Box::new(source),
             }
         })?;
-        let entries: Vec<Bottle> = reply
-            .iter()
-            .skip(1)
-            .filter_map(Value::as_list)
-            .take(MAX_OBJECTS)
-            .cloned()
-            .collect();
-        Ok(entries
-            .iter()
-            .filter_map(|entry| self.item(entry))
-            .collect())
+        let entries = item_message::entries(&reply);
+        Ok(entries.filter_map(|entry| self.item(entry)).collect())
     }
 }

@@ -23,6 +23,19 @@ const DETECTORS: [&str; 1] = ["truth"];
 const DETECTORS: [&str; 2] = ["truth", "vision"];
 const DEFAULT_DETECTOR: &str = DETECTORS[DETECTORS.len() - 1];
 
+/// Accepts the name of a detector, or of the port of one.
+fn detector(name: &str) -> std::result::Result<String, String> {
+    let is_known = DETECTORS.contains(&name);
+    let is_port = name.starts_with('/') && name.parse::<yarp_wire::PortName>().is_ok();
+    match is_known || is_port {
+        true => Ok(name.to_owned()),
+        false => Err(format!(
+            "expected {}, or the port of `yarp vision serve`, such as /vision/rpc:i",
+            DETECTORS.join(", ")
+        )),
+    }
+}
+
 #[derive(Debug, clap::Args)]
 pub(super) struct TableArgs {
     /// Number of random objects
@@ -37,8 +50,9 @@ pub(super) struct TableArgs {
     /// Speed of the table relative to a real robot, 0.1 to 20
     #[arg(long, value_name = "FACTOR", default_value_t = 2.0)]
     speed: f64,
-    /// Source of the objects: `vision` looks through the cameras (feature `vision`); `truth` asks the simulation, with noise
-    #[arg(long, value_name = "NAME", default_value = DEFAULT_DETECTOR, value_parser = DETECTORS)]
+    /// Source of the objects: `vision` looks through the cameras (feature `vision`); `truth` asks the simulation, with noise;
+    /// a name such as `/vision/rpc:i` is the port of a program that looks, such as `yarp vision serve`
+    #[arg(long, value_name = "NAME", default_value = DEFAULT_DETECTOR, value_parser = detector)]
     detector: String,
     /// Calibration of the camera with its pose, as `yarp calibrate` writes it; without it that of the simulated table
     #[cfg(feature = "vision")]
@@ -83,6 +97,9 @@ impl TableArgs {
             options.files.calibration.clone_from(&self.calibration);
             let depth = &mut options.files.depth_calibration;
             depth.clone_from(&self.depth_calibration);
+        }
+        if self.detector.starts_with('/') {
+            options.detector = yarp_demos::table::DetectorChoice::Port(self.detector.clone());
         }
         options.files.database.clone_from(&self.database);
         if !self.json {

@@ -272,6 +272,10 @@ pub trait Interceptor {
         self.cell().start_hand(lines)
     }
 
+    fn finish_hand(&mut self) -> Result<(), WorkcellError> {
+        self.cell().finish_hand()
+    }
+
     fn hold(&mut self) -> Result<(), WorkcellError> {
         self.cell().hold()
     }
@@ -310,7 +314,7 @@ impl<I: Interceptor> Workcell for Intercepted<I> {
     }
 
     fn finish_hand(&mut self) -> Result<(), WorkcellError> {
-        self.0.cell().finish_hand()
+        self.0.finish_hand()
     }
 
     fn fingers(&mut self) -> Result<[f64; 4], WorkcellError> {
