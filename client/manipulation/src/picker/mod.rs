@@ -205,6 +205,8 @@ const STEEP_CONTACT: i32 = 6000;
 const STEEP_GRIP: i32 = 1500;
 /// Closes the fingers further until they stall; they push on with controlled torque until the next command.
 const TORQUE_CLOSE: &str = "GTC";
+/// Switches the motors of the fingers off, which keep their grip: torque all the way would heat them.
+const KEEP_CLOSED: &str = "GT";
 /// Volume of a cuboid from which on it may be as heavy as a full carton, m³.
 const HEAVY_VOLUME: f64 = 0.0005;
 /// Factor by which motions with an object take longer: acceleration loosens it.
@@ -568,6 +570,9 @@ impl<W: Workcell> Picker<W> {
         // The correction contains the weight from here on.
         self.settle(Step::Lift)?;
         self.check_held(item, &plan.grasp, Step::Lift)?;
+        if may_be_heavy(item) {
+            self.hand(Step::Lift, KEEP_CLOSED)?;
+        }
         Ok(plan)
     }
 
