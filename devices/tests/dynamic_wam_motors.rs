@@ -190,3 +190,27 @@ fn a_stream_of_torques_that_stops_leads_to_hold() {
         motion.motion_done(ELBOW.into()).unwrap()
     });
 }
+
+/// After a pause of the network the next set point is far away: the arm jumped, and its safety module stopped it.
+#[test]
+fn direct_positions_are_followed_no_faster_than_the_velocity_limit() {
+    let limits = Limits::new(0.0, 30.0);
+    let mut arm = DynamicArm::new(WamModel::<7>::new(), SimulatorOptions::default());
+    arm.set_points_mut()
+        .set_velocity_limits(ELBOW, limits)
+        .unwrap();
+    arm.set_control_modes(ELBOW.into(), &[Mode::PositionDirect])
+        .unwrap();
+    let here = arm.direct_positions(ELBOW.into()).unwrap()[0];
+    let target = here - 30.0;
+    arm.set_direct_positions(ELBOW.into(), &[target]).unwrap();
+    let mut fastest: f64 = 0.0;
+    for _ in 0..1000 {
+        arm.tick();
+        fastest = fastest.max(arm.state(ELBOW).unwrap().velocity.abs());
+    }
+    assert!((15.0..50.0).contains(&fastest), "{fastest}");
+    let away = arm.state(ELBOW).unwrap().position - target;
+    assert!(away.abs() < 2.0, "{away}");
+    assert_eq!(arm.direct_positions(ELBOW.into()).unwrap(), [target]);
+}

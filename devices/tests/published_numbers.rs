@@ -243,8 +243,14 @@ fn a_compliant_joint_is_limited_like_its_loop() {
     arm.set_direct_positions(Axes::One(elbow), &[100.0])
         .expect("inside the limits");
     arm.tick();
-    let output = arm.loop_output(elbow).expect("it exists");
-    assert_eq!(output, -15.0);
+    let at_once = arm.loop_output(elbow).expect("it exists");
+    assert!(at_once > -15.0, "{at_once}: the set point jumped");
+    let mut strongest = 0.0_f64;
+    for _ in 0..250 {
+        arm.tick();
+        strongest = strongest.min(arm.loop_output(elbow).expect("it exists"));
+    }
+    assert_eq!(strongest, -15.0);
 }
 
 fn layout(of_each: MotorLayout) -> Layout {

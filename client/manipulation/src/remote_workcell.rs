@@ -6,7 +6,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use nalgebra::{Point3, SVector};
-use yarp_client::devices::PositionDirect;
+use yarp_client::devices::{Encoders, PositionDirect};
 use yarp_client::{Axes, ControlMode, Hand, Mode, RemoteClock, Robot};
 use yarp_devices::kinematics::Joints;
 use yarp_devices::{DeviceError, Hand as _};
@@ -17,6 +17,9 @@ use crate::workcell::{Workcell, WorkcellError};
 const PREPARED_TIMEOUT: Duration = Duration::from_secs(2);
 /// Interval between two looks at a state.
 const POLL_INTERVAL: Duration = Duration::from_millis(2);
+/// Time without a new state of the arm after which a motion waits for one, on the robot's clock: set points that run ahead of an
+/// arm that cannot be seen would let it jump.
+const MAX_STATE_AGE: Duration = Duration::from_millis(60);
 /// Advice for an arm that is not to be moved by a program.
 const REMEDY: &str = "when it is safe, end the emergency stop or activate the arm at its safety module, then start again";
 
@@ -40,6 +43,8 @@ pub struct RemoteWorkcell {
     /// The robot's own clock: a simulation may be slower than it was asked to be.
     clock: Option<RemoteClock>,
     due: Instant,
+    /// Time of the newest state of the arm, as it tells, and when it was first seen.
+    state: (f64, Instant),
     container_view: Option<ContainerView>,
 }
 
@@ -65,6 +70,7 @@ impl RemoteWorkcell {
             speed,
             clock: None,
             due: Instant::now(),
+            state: (0.0, Instant::now()),
             container_view: None,
         }
     }
@@ -82,6 +88,7 @@ impl RemoteWorkcell {
     /// Returns the same workcell with a clock that shows the time of the robot, whose `speed` does not matter then.
     pub fn with_clock(mut self, clock: RemoteClock) -> Self {
         self.due = clock.instant();
+        self.state.1 = self.due;
         self.clock = Some(clock);
         self
     }
@@ -105,6 +112,25 @@ impl RemoteWorkcell {
         self.clock
             .as_ref()
             .map_or_else(Instant::now, RemoteClock::instant)
+    }
+
+    /// Waits for a state of the arm that is not too old.
+    ///
+    /// Errors: the arm's programs have stopped publishing.
+    fn wait_for_state(&mut self) -> Result<(), WorkcellError> {
+        loop {
+            let readings = self.arm("read the joints", self.arm.encoder_readings(Axes::All))?;
+            let newest = readings.iter().map(|reading| reading.time);
+            let newest = newest.fold(f64::MIN, f64::max);
+            let now = self.now();
+            if newest != self.state.0 {
+                self.state = (newest, now);
+            }
+            if now.saturating_duration_since(self.state.1) <= MAX_STATE_AGE {
+                return Ok(());
+            }
+            std::thread::sleep(POLL_INTERVAL);
+        }
     }
 
     fn arm<R>(
@@ -210,12 +236,10 @@ impl Workcell for RemoteWorkcell {
         // Late waits do not pile up.
         self.due = (self.due + interval).max(now);
         match &self.clock {
-            Some(clock) => self.arm("wait", clock.sleep_until(self.due)),
-            None => {
-                std::thread::sleep(self.due - now);
-                Ok(())
-            }
+            Some(clock) => self.arm("wait", clock.sleep_until(self.due))?,
+            None => std::thread::sleep(self.due - now),
         }
+        self.wait_for_state()
     }
 
     fn command_hand(&mut self, line: &str) -> Result<String, WorkcellError> {

@@ -101,7 +101,9 @@ impl ArmControl {
     /// Holds a joint that has a set point at its position.
     fn hold_here(&mut self, axis: AxisIndex) {
         match (self.mode(axis), &mut self.streams[axis.index()]) {
-            (_, Stream::Position(place)) => *place = self.measured[axis.index()].position,
+            (_, stream @ Stream::Position { .. }) => {
+                *stream = Stream::at(self.measured[axis.index()].position);
+            }
             (mode @ (Mode::Position | Mode::Velocity), Stream::None) => {
                 self.rest(axis);
                 self.set_mode_of_set_point(axis, mode);

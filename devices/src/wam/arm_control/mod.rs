@@ -89,12 +89,22 @@ impl From<&ArmError> for DeviceError {
 enum Stream {
     /// None: the joint follows its set point, or is idle.
     None,
-    /// Degrees.
-    Position(f64),
+    /// The position that was sent, and the one that the joint is sent to now on its way there, deg.
+    Position { sent: f64, now: f64 },
     /// Nm.
     Torque(f64),
     /// A current of its motors.
     Current,
+}
+
+impl Stream {
+    /// Holds a joint at a position, deg.
+    const fn at(place: f64) -> Self {
+        Self::Position {
+            sent: place,
+            now: place,
+        }
+    }
 }
 
 impl ArmControl {
@@ -127,6 +137,7 @@ impl ArmControl {
     /// The torques that follow the commands for the next period, Nm at the joints.
     pub fn drive(&mut self) -> Joints<AXES> {
         self.set_points.step(self.period);
+        self.step_direct_positions();
         let by_current = self.asked_by_current();
         let orders = std::array::from_fn(|joint| {
             let axis = AxisIndex::from(joint);
@@ -134,7 +145,7 @@ impl ArmControl {
                 self.rest(axis);
             }
             match self.streams[joint] {
-                Stream::Position(place) => self.towards(joint, place, 0.0),
+                Stream::Position { now, .. } => self.towards(joint, now, 0.0),
                 Stream::Torque(torque) => JointCommand::Drive(torque),
                 Stream::Current => JointCommand::Drive(by_current[joint]),
                 Stream::None if self.mode(axis) == Mode::Idle => {
@@ -150,6 +161,19 @@ impl ArmControl {
         self.driven = self.controller.step(&self.counts, &orders);
         self.detect_stalls(&orders);
         self.driven
+    }
+
+    /// Moves the set points of joints in position direct mode towards what was sent, each no faster than its velocity limit: after a
+    /// pause of the network, what is sent next may be far away.
+    fn step_direct_positions(&mut self) {
+        for joint in 0..AXES {
+            let Stream::Position { sent, now } = &mut self.streams[joint] else {
+                continue;
+            };
+            let limits = self.set_points.velocity_limits(joint.into());
+            let largest = limits.map_or(0.0, |limits| limits.max) * self.period.as_secs_f64();
+            *now += (*sent - *now).clamp(-largest, largest);
+        }
     }
 
     /// Processes the encoder counts at the end of a period.
@@ -227,7 +251,7 @@ impl ArmControl {
                 }
                 if mode == Mode::PositionDirect {
                     let place = self.measured[axis.index()].position;
-                    self.streams[axis.index()] = Stream::Position(place);
+                    self.streams[axis.index()] = Stream::at(place);
                 }
                 self.change_mode(axis, Mode::Position);
             }
@@ -328,8 +352,8 @@ impl ArmControl {
             let joint = axis.index();
             match self.streams[joint] {
                 Stream::None => {}
-                Stream::Position(_) => {
-                    self.streams[joint] = Stream::Position(self.measured[joint].position);
+                Stream::Position { .. } => {
+                    self.streams[joint] = Stream::at(self.measured[joint].position);
                 }
                 Stream::Torque(_) => self.streams[joint] = Stream::Torque(0.0),
                 Stream::Current => self.forget_currents(joint),
@@ -348,7 +372,8 @@ impl ArmControl {
         Ok(arrived && axes.iter(AXES).all(still))
     }
 
-    /// Sends joints in position direct mode to places, degrees, at once: the caller makes the path.
+    /// Sends joints in position direct mode to places, degrees, at once, but no faster than their velocity limits: the caller makes the
+    /// path.
     ///
     /// Errors: [`DeviceError::OutOfRange`], [`DeviceError::NotFinite`], [`DeviceError::WrongMode`], or an error of
     /// the selection; then no joint moves.
@@ -364,7 +389,9 @@ impl ArmControl {
             limits.check(axis, "position", asked, "deg")?;
         }
         for (axis, &asked) in axes.iter(AXES).zip(positions) {
-            self.streams[axis.index()] = Stream::Position(asked);
+            if let Stream::Position { sent, .. } = &mut self.streams[axis.index()] {
+                *sent = asked;
+            }
         }
         Ok(())
     }
@@ -375,7 +402,7 @@ impl ArmControl {
     pub fn direct_positions(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
         axes.check(AXES)?;
         let place = |axis: AxisIndex| match self.streams[axis.index()] {
-            Stream::Position(place) => place,
+            Stream::Position { sent, .. } => sent,
             _ => self.set_point(axis).position,
         };
         Ok(axes.iter(AXES).map(place).collect())
@@ -572,13 +599,13 @@ impl ArmControl {
             // The joint continues from its set point: no jump.
             Mode::Position | Mode::Velocity => self.set_point(axis).position,
             _ => match self.streams[joint] {
-                Stream::Position(place) => place,
+                Stream::Position { now, .. } => now,
                 _ => self.measured[joint].position,
             },
         };
         self.forget_currents(joint);
         let stream = match mode {
-            Mode::PositionDirect => Some(Stream::Position(here)),
+            Mode::PositionDirect => Some(Stream::at(here)),
             Mode::Torque => Some(Stream::Torque(0.0)),
             Mode::Current => Some(Stream::Current),
             _ => None,
@@ -604,7 +631,7 @@ impl ArmControl {
             return Mode::HardwareFault;
         }
         match self.streams[axis.index()] {
-            Stream::Position(_) => Mode::PositionDirect,
+            Stream::Position { .. } => Mode::PositionDirect,
             Stream::Torque(_) => Mode::Torque,
             Stream::Current => Mode::Current,
             Stream::None => {
