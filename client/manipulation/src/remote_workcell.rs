@@ -229,7 +229,8 @@ impl Workcell for RemoteWorkcell {
         self.arm("command a posture", sent)
     }
 
-    fn wait(&mut self, seconds: f64) -> Result<(), WorkcellError> {
+    fn wait(&mut self, seconds: f64) -> Result<f64, WorkcellError> {
+        // Seconds of the robot in one of the clock.
         let pace = self.clock.as_ref().map_or(self.speed, |_| 1.0);
         let interval = Duration::from_secs_f64((seconds / pace).max(0.0));
         let now = self.now();
@@ -239,7 +240,9 @@ impl Workcell for RemoteWorkcell {
             Some(clock) => self.arm("wait", clock.sleep_until(self.due))?,
             None => std::thread::sleep(self.due - now),
         }
-        self.wait_for_state()
+        self.wait_for_state()?;
+        let passed = self.now().saturating_duration_since(now).as_secs_f64();
+        Ok(passed * pace)
     }
 
     fn command_hand(&mut self, line: &str) -> Result<String, WorkcellError> {

@@ -49,8 +49,8 @@ pub trait Workcell {
     /// Errors: it takes no set points, because it stopped itself or somebody stopped it; see [`resume`](Self::resume).
     fn command(&mut self, joints: &Joints<7>) -> Result<(), WorkcellError>;
 
-    /// Lets this many seconds pass.
-    fn wait(&mut self, seconds: f64) -> Result<(), WorkcellError>;
+    /// Lets this many seconds pass, and returns how many did: more if this machine or the network was late.
+    fn wait(&mut self, seconds: f64) -> Result<f64, WorkcellError>;
 
     /// Sends the hand a command in its own language (`GO`, `SM 1500`), waits for its end and returns the reply.
     ///

@@ -707,6 +707,57 @@ fn set_points_that_are_lost_for_a_while_stop_no_arm() {
     }
 }
 
+/// A cell whose program is late for 0.3 s now and then, and the greatest speed of its elbow and wrist.
+struct Late {
+    cell: SimulatedCell,
+    every: usize,
+    count: usize,
+    fastest: Arc<Mutex<f64>>,
+}
+
+impl Interceptor for Late {
+    fn cell(&mut self) -> &mut SimulatedCell {
+        &mut self.cell
+    }
+
+    fn wait(&mut self, seconds: f64) -> Result<f64, WorkcellError> {
+        self.count += 1;
+        let seconds = match self.count.is_multiple_of(self.every) {
+            true => seconds + 0.3,
+            false => seconds,
+        };
+        let waited = self.cell.wait(seconds);
+        let table = self.cell.0.borrow();
+        let speed = table.simulation.arm().simulator().speed();
+        let mut fastest = self.fastest.lock().unwrap();
+        *fastest = fastest.max(speed);
+        waited
+    }
+}
+
+/// The arm came to rest meanwhile, and overshot when its set point went on at full speed: its safety module stopped it.
+#[test]
+fn a_motion_begins_anew_after_its_program_was_late() {
+    for every in [20, 35, 50] {
+        let (table, _, item) = table(BOX, 0.55, 0.05);
+        let fastest = Arc::<Mutex<f64>>::default();
+        let cell = Late {
+            cell: SimulatedCell(table.clone()),
+            every,
+            count: 0,
+            fastest: fastest.clone(),
+        };
+        let mut picker = support::picker(Intercepted(cell)).expect("the simulated arm is ready");
+        let placed = picker.pick_and_place(&item, &[], 0, 0);
+        placed.unwrap_or_else(|error| panic!("late every {every} set points: {error}"));
+        let fault = table.borrow().simulation.arm().simulator().safety().fault();
+        assert_eq!(fault, None);
+        let fastest = *fastest.lock().unwrap();
+        // 0.75 m/s and more at full pace at once.
+        assert!(fastest < 0.6, "{fastest}");
+    }
+}
+
 /// The first motion of the hand would drop it.
 #[test]
 fn a_hand_that_holds_something_is_not_opened_at_the_start() {

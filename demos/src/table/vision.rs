@@ -24,8 +24,8 @@ const NAME: &str = "vision";
 const IMAGE_TIMEOUT: Duration = Duration::from_secs(20);
 /// Maximum time without any image: a simulated camera on a busy machine needs seconds.
 const STREAM_TIMEOUT: Duration = Duration::from_secs(15);
-/// Images of each camera that a request waits for: the first may have been under way when it came.
-const NEW_IMAGES: u64 = 2;
+/// Images of each camera that a request waits for: when it came, one may have been on its way here and the next one being taken.
+const NEW_IMAGES: u64 = 3;
 /// Interval between two looks for a new image.
 const POLL_INTERVAL: Duration = Duration::from_millis(5);
 /// Largest distance of an object from where it was in the detection before, m.

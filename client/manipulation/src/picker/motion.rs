@@ -18,6 +18,8 @@ const MAX_CORRECTION_STEP: f64 = 0.015;
 /// arm that gets set points again after some were lost must not be so far behind that it becomes too fast.
 const SLOWS_FROM: f64 = 0.12;
 const WAITS_AT: f64 = 0.24;
+/// Time between two set points, as a multiple of their interval, from which on the motion begins anew, slower.
+const MAX_LATENESS: f64 = 3.0;
 /// Time in which a motion that waited gets its planned pace again, s.
 const PACE_RISE_TIME: f64 = 0.4;
 /// Part of the planned pace below which the arm counts as not moving on, and the time after which it is blocked, s.
@@ -112,10 +114,12 @@ impl<W: Workcell> Picker<W> {
                 self.correction = correction * (1.0 - time / duration.max(interval));
             }
             self.command_or_stall(step)?;
-            self.call(step, |cell| cell.wait(interval))?;
+            let passed = self.call(step, |cell| cell.wait(interval))?;
             let (joint, error) = self.tracking_error(step)?;
-            // Slower at once, and faster again little by little: a start at full speed overshoots.
-            pace = self.pace(error).min(pace + interval / PACE_RISE_TIME);
+            // Slower at once, and faster again little by little: a start at full speed overshoots. An arm that got no set point
+            // for a while stands.
+            let most = self.pace(error).min(MAX_LATENESS * interval / passed);
+            pace = most.min(pace + interval / PACE_RISE_TIME);
             waiting = match pace < MIN_PACE {
                 true => waiting + interval,
                 false => 0.0,

@@ -194,9 +194,9 @@ impl Workcell for SimulatedCell {
         sent.map_err(failed("command"))
     }
 
-    fn wait(&mut self, seconds: f64) -> Result<(), WorkcellError> {
+    fn wait(&mut self, seconds: f64) -> Result<f64, WorkcellError> {
         self.0.borrow_mut().step(seconds);
-        Ok(())
+        Ok(seconds)
     }
 
     fn command_hand(&mut self, line: &str) -> Result<String, WorkcellError> {
@@ -276,6 +276,10 @@ pub trait Interceptor {
         self.cell().finish_hand()
     }
 
+    fn wait(&mut self, seconds: f64) -> Result<f64, WorkcellError> {
+        self.cell().wait(seconds)
+    }
+
     fn hold(&mut self) -> Result<(), WorkcellError> {
         self.cell().hold()
     }
@@ -301,8 +305,8 @@ impl<I: Interceptor> Workcell for Intercepted<I> {
         self.0.command(joints)
     }
 
-    fn wait(&mut self, seconds: f64) -> Result<(), WorkcellError> {
-        self.0.cell().wait(seconds)
+    fn wait(&mut self, seconds: f64) -> Result<f64, WorkcellError> {
+        self.0.wait(seconds)
     }
 
     fn command_hand(&mut self, line: &str) -> Result<String, WorkcellError> {
