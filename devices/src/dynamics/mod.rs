@@ -5,13 +5,17 @@
 //!   forward dynamics.
 //! * [`GravityCalibration`]: gravity compensation from moments measured on an arm, as libbarrett does it.
 //!
-//! Metres, kilograms, radians, seconds and newtons; nothing allocates, no clock, no friction: that is
+//! * [`HeldPose`]: a measurement for such a calibration.
+//!
+//! Metres, kilograms, radians, seconds and newtons; nothing allocates but the fit of a calibration, no clock, no friction: that is
 //! [`simulation`](crate::simulation).
 
 mod gravity_calibration;
+mod gravity_fit;
 mod newton_euler;
 mod rigid_body;
 
 pub use gravity_calibration::GravityCalibration;
+pub use gravity_fit::HeldPose;
 pub use newton_euler::{Dynamics, MassMatrix};
 pub use rigid_body::Body;

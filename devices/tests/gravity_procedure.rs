@@ -1,0 +1,109 @@
+//! The gravity calibration of an arm that carries something nobody told its driver of.
+
+use std::convert::Infallible;
+
+use yarp_devices::dynamics::{Body, GravityCalibration, HeldPose};
+use yarp_devices::kinematics::Joints;
+use yarp_devices::simulation::SimulatorOptions;
+use yarp_devices::wam::{
+    AXES, DynamicArm, GravityResult, MeasuredArm, WamModel, calibrate_gravity, gravity_poses,
+};
+use yarp_devices::{Axes, Mode};
+
+/// Control periods in a second.
+const RATE: usize = 500;
+
+/// A simulated arm whose time passes as it is asked.
+struct Stepped(DynamicArm);
+
+impl Stepped {
+    fn wait(&mut self, seconds: usize) {
+        for _ in 0..seconds * RATE {
+            self.0.tick();
+        }
+    }
+}
+
+impl MeasuredArm for Stepped {
+    type Error = Infallible;
+
+    fn move_to(&mut self, joints: &Joints<AXES>, speed: f64) -> Result<(), Infallible> {
+        let degrees = joints.map(f64::to_degrees);
+        let speeds = [speed.to_degrees(); AXES];
+        let points = self.0.set_points_mut();
+        points.set_reference_speeds(Axes::All, &speeds).unwrap();
+        self.0.position_move(Axes::All, degrees.as_slice()).unwrap();
+        let mut left = 60 * RATE;
+        while !self.0.motion_done(Axes::All).unwrap() && left > 0 {
+            self.0.tick();
+            left -= 1;
+        }
+        Ok(())
+    }
+
+    fn measure(&mut self) -> Result<HeldPose<AXES>, Infallible> {
+        self.wait(2);
+        let (mut joints, mut torques) = (Joints::zeros(), Joints::zeros());
+        for _ in 0..RATE {
+            self.0.tick();
+            for joint in 0..AXES {
+                joints[joint] += self.0.state(joint.into()).unwrap().position.to_radians();
+            }
+            torques += Joints::from_iterator(self.0.torques(Axes::All).unwrap());
+        }
+        let count = RATE as f64;
+        Ok(HeldPose {
+            joints: joints / count,
+            torques: torques / count,
+        })
+    }
+}
+
+/// Returns an arm with a load of 1.2 kg that its gravity compensation does not know.
+fn loaded(calibration: GravityCalibration<AXES>) -> Stepped {
+    let mut model = WamModel::<AXES>::new().with_load(Body::point(1.2, [0.0, 0.0, 0.06].into()));
+    model.calibration = calibration;
+    let mut arm = DynamicArm::new(model, SimulatorOptions::default());
+    arm.safety_mut().press_activate();
+    arm.set_control_modes(Axes::All, &[Mode::Position; AXES])
+        .unwrap();
+    Stepped(arm)
+}
+
+fn calibrate(arm: &mut Stepped, model: &WamModel<AXES>) -> GravityResult {
+    let mut done = 0;
+    let result = calibrate_gravity(arm, model, |count| done = count).unwrap();
+    assert_eq!(done, gravity_poses());
+    result
+}
+
+/// Returns how far the joints sink in two seconds with no torque but that of the compensation, rad.
+fn sinks(calibration: GravityCalibration<AXES>) -> f64 {
+    let mut arm = loaded(calibration);
+    let pose = Joints::from([0.0, 0.8, 0.0, 1.2, 0.0, 0.3, 0.0]);
+    arm.0.place(&pose);
+    arm.0
+        .set_control_modes(Axes::All, &[Mode::Torque; AXES])
+        .unwrap();
+    arm.wait(2);
+    let place = |joint: usize| arm.0.state(joint.into()).unwrap().position.to_radians();
+    (0..AXES)
+        .map(|joint| (place(joint) - pose[joint]).abs())
+        .fold(0.0, f64::max)
+}
+
+#[test]
+fn an_unknown_load_is_compensated_after_a_calibration() {
+    let model = WamModel::<AXES>::new();
+    let mut arm = loaded(model.calibration);
+    let result = calibrate(&mut arm, &model);
+    eprintln!(
+        "{result:?} {} {}",
+        sinks(model.calibration),
+        sinks(result.calibration)
+    );
+    assert!(result.is_verified(), "{result:?}");
+    assert!(result.before[1] > 2.0 * result.friction[1], "{result:?}");
+    assert!(sinks(model.calibration) > 0.2);
+    assert!(sinks(result.calibration) < 0.02);
+}
