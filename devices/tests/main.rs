@@ -62,6 +62,7 @@ mod simulated_mechanics;
 mod simulated_moves;
 mod simulated_sensors;
 mod simulated_wam_checks;
+mod simulation_without_effects;
 mod software_stop;
 mod stalled_joints;
 mod stopped_commands;
