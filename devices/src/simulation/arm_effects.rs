@@ -41,6 +41,8 @@ pub struct ArmEffects {
     /// Supply voltage of the motors, V, which limits the current of a motor that turns; 0: no limit. Needs
     /// [`windings`](Self::windings).
     pub supply_voltage: f64,
+    /// The stops that the arm is folded onto are exactly at its home pose, so that it does not sink while it has no power there.
+    pub rests_at_home: bool,
 }
 
 /// Delay of torque commands.
@@ -165,6 +167,8 @@ impl ArmEffects {
                 time_constant: WINDING_TIMES[motor],
             })),
             supply_voltage: f64::from(SUPPLY_VOLTAGE),
+            // Joint 2 is on its lower stop and joint 4 on its upper one (libbarrett, `autohome.cpp` and `zerocal.conf`).
+            rests_at_home: true,
         }
     }
 }

@@ -140,10 +140,7 @@ pub struct Simulator<const N: usize> {
 impl<const N: usize> Simulator<N> {
     /// An arm in its home pose, at rest, just switched on: idle.
     pub fn new(model: WamModel<N>, options: SimulatorOptions) -> Self {
-        let stops = model
-            .chain
-            .limits()
-            .map(|limits| Limits::new(limits.min - STOP_MARGIN, limits.max + STOP_MARGIN));
+        let stops = stops(&model, &options);
         let plant = Plant::new(plant_dynamics(&model, &options), stops, model.home);
         let cables = options.effects.elasticity.map(|table| {
             let of = |joint: usize| table.get(joint).copied().unwrap_or_default();
@@ -530,6 +527,22 @@ struct JointFriction<const N: usize> {
     coulomb: Joints<N>,
     /// With the brakes of windings, Nm s/rad.
     viscous: Joints<N>,
+}
+
+/// Returns the ends of the range of each joint, rad.
+fn stops<const N: usize>(model: &WamModel<N>, options: &SimulatorOptions) -> [Limits; N] {
+    let limits = model.chain.limits();
+    std::array::from_fn(|joint| {
+        let (limits, home) = (limits[joint], model.home[joint]);
+        let margin = |end: f64| {
+            let rests = options.effects.rests_at_home && home == end;
+            if rests { 0.0 } else { STOP_MARGIN }
+        };
+        Limits::new(
+            limits.min - margin(limits.min),
+            limits.max + margin(limits.max),
+        )
+    })
 }
 
 /// Returns the equations of motion of the plant: without rotors if they are behind elastic cables.
