@@ -305,13 +305,23 @@ mod elasticity {
         }
     }
 
-    /// Returns the frequency of a link on the cables of its joint, Hz, when all other joints are rigid and stand still.
-    fn frequency(joint: usize, rotor_is_free: bool) -> f64 {
+    /// An oscillation of a link on the cables of its joint.
+    struct Oscillation {
+        /// Hz.
+        frequency: f64,
+        /// Decay of the amplitude, 1/s.
+        decay: f64,
+    }
+
+    /// Returns how a link swings after a blow when all other joints are rigid and stand still.
+    fn oscillation(joint: usize, rotor_is_free: bool, is_damped: bool) -> Oscillation {
         let mut effects = only_cables();
         for (other, cable) in effects.elasticity.iter_mut().flatten().enumerate() {
-            cable.damping = 0.0;
             if other != joint {
                 cable.stiffness = 1e9;
+            }
+            if other != joint || !is_damped {
+                cable.damping = 0.0;
             }
         }
         let mut friction = [STUCK; 7];
@@ -323,19 +333,21 @@ mod elasticity {
             ..options(effects)
         };
         let mut arm = weightless(fine, friction);
-        // A blow, and then nothing.
         arm.twist(only(joint, 20.0));
         for _ in 0..5 {
             arm.step(None);
         }
         arm.twist(Seven::zeros());
         let twist = |arm: &Simulator<7>| (arm.angles() - arm.motor_angles())[joint];
-        let (mut crossings, mut last) = (Vec::new(), twist(&arm));
-        while crossings.len() < 21 {
+        let (mut crossings, mut peaks) = (Vec::new(), Vec::new());
+        let (mut peak, mut last) = (0.0_f64, twist(&arm));
+        while crossings.len() < 11 {
             arm.step(None);
             let now = twist(&arm);
+            peak = peak.max(now);
             if last < 0.0 && now >= 0.0 {
                 crossings.push(arm.time().as_secs_f64());
+                peaks.push(std::mem::take(&mut peak));
             }
             last = now;
             assert!(
@@ -343,7 +355,12 @@ mod elasticity {
                 "it does not oscillate"
             );
         }
-        20.0 / (crossings[20] - crossings[0])
+        // The first peak is of the blow.
+        let (time, peaks) = (crossings[10] - crossings[1], (peaks[1], peaks[10]));
+        Oscillation {
+            frequency: 9.0 / time,
+            decay: (peaks.0 / peaks.1).ln() / time,
+        }
     }
 
     #[test]
@@ -352,7 +369,7 @@ mod elasticity {
         for joint in [0, 1, 3] {
             let (stiffness, link) = (STIFFNESSES[joint], masses[(joint, joint)]);
             let expected = (stiffness / link).sqrt() / TAU;
-            let found = frequency(joint, false);
+            let found = oscillation(joint, false, false).frequency;
             assert!(
                 (found / expected - 1.0).abs() < 0.01,
                 "joint {joint}: {found}, {expected} Hz"
@@ -360,11 +377,28 @@ mod elasticity {
             // Against its rotor, which is free, it swings faster.
             let rotor = WamModel::<7>::new().rotors[joint];
             let expected = (stiffness * (1.0 / link + 1.0 / rotor)).sqrt() / TAU;
-            let found = frequency(joint, true);
+            let found = oscillation(joint, true, false).frequency;
             assert!(
                 (found / expected - 1.0).abs() < 0.01,
                 "joint {joint}: {found}, {expected} Hz"
             );
+        }
+    }
+
+    #[test]
+    fn the_amplitude_decays_by_damping_over_mass() {
+        let masses = link_masses(&POSE.into());
+        for joint in [0, 1, 3] {
+            // A millisecond of the stiffness.
+            let damping = 1e-3 * STIFFNESSES[joint];
+            let expected = damping / masses[(joint, joint)] / 2.0;
+            let found = oscillation(joint, false, true).decay;
+            assert!(
+                (found / expected - 1.0).abs() < 0.05,
+                "joint {joint}: {found}, {expected} 1/s"
+            );
+            let none = oscillation(joint, false, false).decay;
+            assert!(none.abs() < 0.02 * expected, "joint {joint}: {none} 1/s");
         }
     }
 
@@ -635,5 +669,26 @@ mod motors {
         let found = fastest(real);
         assert!((95.0..106.0).contains(&found), "{found} rad/s");
         assert!(fastest(0.0) > 300.0);
+    }
+}
+
+mod rest {
+    use super::*;
+
+    /// Returns how far an arm without power sinks from its home pose, rad.
+    fn sunk(effects: ArmEffects) -> f64 {
+        let mut arm = Simulator::new(WamModel::<7>::new(), options(effects));
+        for _ in 0..3000 {
+            arm.step(None);
+        }
+        (arm.angles() - WamModel::<7>::new().home).amax()
+    }
+
+    #[test]
+    fn a_folded_arm_rests_on_its_stops() {
+        let found = sunk(ArmEffects::real_arm());
+        assert!(found < 1e-3, "{found} rad");
+        let found = sunk(ArmEffects::default());
+        assert!((found - 0.03).abs() < 1e-3, "{found} rad");
     }
 }
