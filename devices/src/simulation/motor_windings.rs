@@ -25,11 +25,10 @@ pub(super) struct MotorWindings<const N: usize> {
 impl<const N: usize> MotorWindings<N> {
     /// Motors that have rested for long.
     pub(super) fn at_rest(effects: &ArmEffects) -> Self {
-        let of = |table: [Winding; _], motor: usize| table.get(motor).copied().unwrap_or_default();
         Self {
-            windings: effects
-                .windings
-                .map(|table| std::array::from_fn(|motor| of(table, motor))),
+            windings: effects.windings.map(|table| {
+                std::array::from_fn(|motor| table.get(motor).copied().unwrap_or_default())
+            }),
             temperatures: [REFERENCE_TEMPERATURE; N],
         }
     }
