@@ -96,7 +96,8 @@ fn with_an_arm_that_is_brought_up_like_a_real_one() {
     eventually("the motors follow", || {
         home.run_with("rpc /wam/rpc:i", asked).with(0).says("[pos]")
     });
-    home.run("wam press party").with(1).complains("activate");
+    let refused = home.run("wam press party").with(1);
+    assert!(refused.says("activate"), "{refused:?}");
     home.run("wam press power-off").with(0);
     eventually("no puck answers", || {
         home.run_with("rpc /wam/rpc:i", "[get] [encs]\n")
