@@ -12,7 +12,7 @@ use yarp_devices::embedded::{
 };
 use yarp_devices::simulation::SimulatorOptions;
 use yarp_devices::wam::can::CanWam;
-use yarp_devices::wam::{DynamicWam, SimulatedWam};
+use yarp_devices::wam::{DynamicWam, SimulatedCanWam, SimulatedWam};
 use yarp_devices::{Device, DeviceError};
 use yarp_hosting::ArmConfiguration;
 use yarp_wire::settings::{NoSource, Origin, Parameters, Settings};
@@ -27,6 +27,8 @@ pub(crate) enum Arm {
     Simulated,
     /// Dynamic simulation: with masses, friction, encoders and a controller.
     Dynamic,
+    /// The driver of the CAN bus in front of a simulated arm, with the effects of a real one.
+    SimulatedCan,
     /// An arm behind its embedded PC, which runs `yarp wam-node`.
     Embedded,
     /// An arm on the CAN bus of this interface.
@@ -34,9 +36,10 @@ pub(crate) enum Arm {
 }
 
 /// Arms with a fixed name.
-const NAMES: [(&str, Arm); 3] = [
+const NAMES: [(&str, Arm); 4] = [
     ("simulated", Arm::Simulated),
     ("dynamic", Arm::Dynamic),
+    ("simulated-can", Arm::SimulatedCan),
     ("embedded", Arm::Embedded),
 ];
 /// Prefix of the interface of an arm on a CAN bus.
@@ -82,7 +85,15 @@ impl Arm {
         let model = configuration.model.clone();
         let arm: Arc<dyn Device> = match self {
             Self::Simulated => Arc::new(SimulatedWam::new()),
-            Self::Dynamic => Arc::new(DynamicWam::start_with(model, SimulatorOptions::default())?),
+            Self::Dynamic => Arc::new(DynamicWam::start_with(model, configuration.simulator)?),
+            Self::SimulatedCan => {
+                let options = configuration.can.clone();
+                Arc::new(SimulatedCanWam::start(
+                    model,
+                    options,
+                    configuration.simulator,
+                )?)
+            }
             Self::Embedded => Arc::new(EmbeddedWam::start(DriverOptions::new(link_mode))?),
             Self::Can(interface) => {
                 let options = configuration.can.clone();
@@ -91,6 +102,15 @@ impl Arm {
         };
         configuration.narrow(arm.as_ref())?;
         configuration.guard(arm, guarded)
+    }
+
+    /// Returns the default options of a simulated arm with masses.
+    fn simulator(&self) -> Option<SimulatorOptions> {
+        match self {
+            Self::Dynamic => Some(SimulatorOptions::default()),
+            Self::SimulatedCan => Some(SimulatorOptions::real_arm()),
+            _ => None,
+        }
     }
 
     /// Returns the interface of an arm on a CAN bus.
@@ -105,7 +125,7 @@ impl Arm {
 /// Options for the configuration of the arm.
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct ArmArgs {
-    /// The arm on the CAN bus is folded in its home pose now; confirmed by a person who looks at it
+    /// The arm on the CAN bus, real or simulated, is folded in its home pose now; confirmed by a person who looks at it
     #[arg(long)]
     home_confirmed: bool,
     /// File with parameters of the arm, such as `payload (1.2 0 0 0.06)`; docs/bringing-up-your-wam.md lists them
@@ -178,7 +198,10 @@ impl ArmArgs {
             settings.put("payload", Value::List(numbers), &origin);
         }
         let parameters = Parameters::new(&arm.to_string(), settings, origin);
-        let configuration = ArmConfiguration::from_parameters(&parameters, arm.bus())?;
+        let mut configuration = ArmConfiguration::from_parameters(&parameters, arm.bus())?;
+        if let Some(default) = arm.simulator() {
+            configuration = configuration.with_simulator(&parameters, default)?;
+        }
         if let Some((name, origin)) = parameters.unused().next() {
             let expected = format!("{origin}: the arm has no parameter {name}");
             return Err(Failure::ArmFile(io::Error::new(
@@ -257,7 +280,7 @@ mod tests {
         }
         for wrong in ["ghost", "can:", "can"] {
             let refused = wrong.parse::<Arm>().unwrap_err();
-            let known = "simulated, dynamic, embedded, or can:INTERFACE";
+            let known = "simulated, dynamic, simulated-can, embedded, or can:INTERFACE";
             assert!(refused.contains(known), "{refused}");
         }
     }

@@ -5,6 +5,7 @@
 use crate::common;
 
 use common::Home;
+use yarp_testing::eventually;
 
 const PORTS: [&str; 9] = [
     "view",
@@ -79,6 +80,42 @@ fn with_an_arm_that_has_masses_and_friction() {
     assert!(modes.says("[pos]"), "{modes:?}");
     up.signal("TERM").finish().with(0);
     home.run("up --simulation ghost").with(1);
+}
+
+#[test]
+fn with_an_arm_that_is_brought_up_like_a_real_one() {
+    let home = Home::new();
+    let up = home
+        .start("up --simulation real --home-confirmed")
+        .see("Ctrl-C ends it.");
+    let asked = "[get] [icmd] [cmod] 0\n";
+    let before = home.run_with("rpc /wam/rpc:i", asked).with(0);
+    assert!(before.says("[hwfa]"), "not active: {before:?}");
+    let pressed = home.run("wam press activate").with(0);
+    assert!(pressed.says("the pendant shows: active"), "{pressed:?}");
+    eventually("the motors follow", || {
+        home.run_with("rpc /wam/rpc:i", asked).with(0).says("[pos]")
+    });
+    let refused = home.run("wam press party").with(1);
+    assert!(refused.says("activate"), "{refused:?}");
+    home.run("wam press power-off").with(0);
+    eventually("no puck answers", || {
+        home.run_with("rpc /wam/rpc:i", "[get] [encs]\n")
+            .says("[fail]")
+    });
+    let ended = up.signal("TERM").finish().with(0);
+    assert!(
+        ended.says("yarp wam press activate --name /wam"),
+        "{ended:?}"
+    );
+}
+
+#[test]
+fn a_real_arm_has_no_button_that_a_program_presses() {
+    let home = Home::new();
+    let up = home.start("up --simulation dynamic").see("Ctrl-C ends it.");
+    home.run("wam press activate").with(1);
+    up.signal("TERM").finish().with(0);
 }
 
 #[test]

@@ -10,11 +10,11 @@ use std::time::Duration;
 
 use nalgebra::{Matrix3, Vector3};
 use yarp_devices::kinematics::{Chain, Joints, Pose, Redundancy, Solver, SolverOptions, Task};
-use yarp_devices::simulation::{SimulatedArm, SimulatorOptions};
+use yarp_devices::simulation::SimulatedArm;
 use yarp_devices::trajectory::{JointLimits, StraightLine, StraightLineOptions};
 use yarp_devices::wam::WamModel;
 
-use crate::{DemoError, pose};
+use crate::{DemoArm, DemoError, pose};
 
 /// Start and target: from near the base to the outer end of the reach, in millimetres, and Euler
 /// angles in rad.
@@ -28,8 +28,8 @@ const SAMPLE_STEP: usize = 10;
 /// straight the path was.
 ///
 /// Errors: those of `out`, or a pose that the arm refuses.
-pub fn run(out: &mut dyn Write) -> Result<(), DemoError> {
-    run_with_paths(out).map(drop)
+pub fn run(arm: DemoArm, out: &mut dyn Write) -> Result<(), DemoError> {
+    run_with_paths(arm, out).map(drop)
 }
 
 /// A path of the tool.
@@ -44,8 +44,11 @@ pub(crate) struct ToolPath {
 }
 
 /// Does the same as [`run`] and returns the paths of the tool.
-pub(crate) fn run_with_paths(out: &mut dyn Write) -> Result<Vec<ToolPath>, DemoError> {
-    report_joint_delays(out)?;
+pub(crate) fn run_with_paths(
+    arm: DemoArm,
+    out: &mut dyn Write,
+) -> Result<Vec<ToolPath>, DemoError> {
+    report_joint_delays(arm, out)?;
     let model = WamModel::<7>::new();
     let start = start_joints(&model)?;
     writeln!(
@@ -68,7 +71,7 @@ pub(crate) fn run_with_paths(out: &mut dyn Write) -> Result<Vec<ToolPath>, DemoE
         ("damped least squares", Inverse::Solver),
         ("transposed Jacobian (the thesis's)", Inverse::Transposed),
     ] {
-        let places = line(&model, &start, way)?;
+        let places = line(arm, &model, &start, way)?;
         row(name, &Straightness::of(&places), places.len(), out)?;
         paths.push(ToolPath {
             name,
@@ -103,8 +106,8 @@ fn fitted_line(places: &[Vector3<f64>]) -> (Vector3<f64>, Vector3<f64>) {
 
 /// Reports a joint move: the share of its path that each joint has completed, at tenths of the
 /// time.
-fn report_joint_delays(out: &mut dyn Write) -> Result<(), DemoError> {
-    let mut arm = SimulatedArm::new(WamModel::<7>::new(), SimulatorOptions::default());
+fn report_joint_delays(arm: DemoArm, out: &mut dyn Write) -> Result<(), DemoError> {
+    let mut arm = SimulatedArm::new(WamModel::<7>::new(), arm.options());
     let start = Joints::<7>::from([0.2, 0.6, 0.0, 1.6, 0.0, 0.3, 0.0]);
     let target = Joints::<7>::from([-0.4, 0.2, 0.4, 2.0, -0.7, -0.4, 0.8]);
     arm.place(&start);
@@ -162,11 +165,12 @@ enum Inverse {
 
 /// Moves along the line; returns the positions of the tool from the encoders, in millimetres.
 fn line(
+    arm: DemoArm,
     model: &WamModel<7>,
     start: &Joints<7>,
     way: Inverse,
 ) -> Result<Vec<Vector3<f64>>, DemoError> {
-    let mut arm = SimulatedArm::new(model.clone(), SimulatorOptions::default());
+    let mut arm = SimulatedArm::new(model.clone(), arm.options());
     arm.place(start);
     let target = pose(TARGET, ANGLES);
     let mut places = Vec::new();
@@ -307,20 +311,24 @@ mod tests {
 
     #[test]
     fn the_tool_goes_nearly_straight() {
-        let model = WamModel::<7>::new();
-        let start = start_joints(&model).unwrap();
-        let places = line(&model, &start, Inverse::Solver).unwrap();
-        let found = Straightness::of(&places);
-        assert!(found.asked_most < 20.0, "{} mm", found.asked_most);
-        assert!(found.turned < 2.0, "{} degrees", found.turned);
+        for arm in [DemoArm::Dynamic, DemoArm::Real] {
+            let model = WamModel::<7>::new();
+            let start = start_joints(&model).unwrap();
+            let places = line(arm, &model, &start, Inverse::Solver).unwrap();
+            let found = Straightness::of(&places);
+            assert!(found.asked_most < 20.0, "{arm:?}: {} mm", found.asked_most);
+            assert!(found.turned < 2.0, "{arm:?}: {} degrees", found.turned);
+        }
     }
 
     #[test]
     fn both_parts_are_printed() {
-        let mut out = Vec::new();
-        run(&mut out).unwrap();
-        let text = String::from_utf8(out).unwrap();
-        assert!(text.contains("All joints together"), "{text}");
-        assert!(text.contains("transposed Jacobian"), "{text}");
+        for arm in [DemoArm::Dynamic, DemoArm::Real] {
+            let mut out = Vec::new();
+            run(arm, &mut out).unwrap();
+            let text = String::from_utf8(out).unwrap();
+            assert!(text.contains("All joints together"), "{text}");
+            assert!(text.contains("transposed Jacobian"), "{text}");
+        }
     }
 }

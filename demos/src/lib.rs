@@ -4,6 +4,7 @@
 //! where the arm takes hours. `yarp demo statefeed` also measures the state feed of an arm over a network. [`teaching`] is behind
 //! `yarp teach` and `yarp play`.
 
+mod demo_arm;
 pub mod joint_synchronisation;
 pub mod repeatability;
 pub mod state_feed;
@@ -13,6 +14,8 @@ pub mod table;
 pub mod teaching;
 
 use std::io;
+
+pub use demo_arm::DemoArm;
 
 use yarp_devices::DeviceError;
 use yarp_devices::kinematics::{EulerXyz, Pose, Unsolved};

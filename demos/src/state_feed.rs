@@ -6,18 +6,16 @@
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use tokio::task::JoinSet;
-use yarp_devices::wam::DynamicWam;
 use yarp_nameserver::{Server, ServerOptions};
 use yarp_ports::{Network, Port, PortOptions, Queue, remote_admin};
 use yarp_wire::Bottle;
 use yarp_wrappers::{ControlBoardOptions, ControlBoardServer};
 
 use crate::svg_plot::{Plot, Series};
-use crate::{DemoError, joint_synchronisation, repeatability};
+use crate::{DemoArm, DemoError, joint_synchronisation, repeatability};
 
 /// Clients that ask for the position all the time during the intensive part.
 const CLIENTS: usize = 8;
@@ -37,6 +35,8 @@ pub struct StateFeedOptions {
     pub duration: Duration,
     /// Prefix of an arm on the network; without it a simulated one is started, on a network of its own.
     pub arm: Option<String>,
+    /// Simulated arm of the tables, and of the state feed without an arm on the network.
+    pub simulation: DemoArm,
     /// Folder of the plots.
     pub folder: PathBuf,
 }
@@ -87,8 +87,9 @@ pub async fn run(
     writeln!(out, "Table 5: repeatability\n")?;
     let mut text = Vec::new();
     // The simulated arm computes for seconds, and is no work for the executor.
-    let offsets =
-        tokio::task::block_in_place(|| repeatability::run_with_offsets(options.repeat, &mut text))?;
+    let offsets = tokio::task::block_in_place(|| {
+        repeatability::run_with_offsets(options.repeat, options.simulation, &mut text)
+    })?;
     out.write_all(&text)?;
     let series = offsets
         .into_iter()
@@ -106,7 +107,9 @@ pub async fn run(
     save(&options.folder, "table-5.svg", &plot, out)?;
     writeln!(out, "\nFigure 13: joint synchronisation\n")?;
     let mut text = Vec::new();
-    let paths = tokio::task::block_in_place(|| joint_synchronisation::run_with_paths(&mut text))?;
+    let paths = tokio::task::block_in_place(|| {
+        joint_synchronisation::run_with_paths(options.simulation, &mut text)
+    })?;
     out.write_all(&text)?;
     for (name, axes) in [("figure-13-xz.svg", [0, 2]), ("figure-13-yz.svg", [1, 2])] {
         save(&options.folder, name, &projection(&paths, axes), out)?;
@@ -222,7 +225,7 @@ async fn measure(
     }
     let server = Server::start(ServerOptions::default().at("127.0.0.1", 0)).await?;
     let network = server.network();
-    let arm = Arc::new(DynamicWam::start()?);
+    let arm = tokio::task::block_in_place(|| options.simulation.start())?;
     let board = ControlBoardServer::open(&network, arm, "/wam", ControlBoardOptions::new()).await?;
     let measured = exercise(&network, "/wam", options.duration).await;
     board.close().await;

@@ -63,8 +63,16 @@ fn kinematics_and_dynamics() {
 
 #[test]
 fn the_control_period() {
+    check_control_period(SimulatorOptions::default());
+}
+
+#[test]
+fn the_control_period_with_the_effects_of_a_real_arm() {
+    check_control_period(SimulatorOptions::real_arm());
+}
+
+fn check_control_period(options: SimulatorOptions) {
     let model = WamModel::<7>::new();
-    let options = SimulatorOptions::default();
     let mut simulator = Simulator::new(model.clone(), options);
     simulator.safety_mut().press_activate();
     let mut controller = JointControllers::new(model.clone(), Duration::from_millis(2));

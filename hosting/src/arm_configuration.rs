@@ -35,12 +35,14 @@ use yarp_devices::guard::{
 use yarp_devices::kinematics::Pose;
 #[cfg(target_os = "linux")]
 use yarp_devices::real_time::{MAX_PRIORITY, RealTime};
+use yarp_devices::simulation::SimulatorOptions;
 use yarp_devices::wam::can::{CanOptions, ZeroCalibration};
 use yarp_devices::wam::{StallLimits, Transmission, WamModel};
 use yarp_devices::{Device, DeviceError, Limits};
 use yarp_wire::settings::Parameters;
 
 use crate::HostError;
+use crate::simulator_configuration::simulator_options;
 
 /// Number of joints.
 const AXES: usize = 7;
@@ -61,6 +63,8 @@ pub struct ArmConfiguration {
     pub model: WamModel<AXES>,
     /// Options of the driver on the CAN bus.
     pub can: CanOptions,
+    /// Options of a simulated arm: those of [`with_simulator`](Self::with_simulator).
+    pub simulator: SimulatorOptions,
     guards: GuardConfiguration,
 }
 
@@ -110,7 +114,22 @@ impl ArmConfiguration {
         Ok(Self {
             model,
             can,
+            simulator: SimulatorOptions::default(),
             guards: guards(parameters)?,
+        })
+    }
+
+    /// Reads the parameters of a simulated arm too, which change `default`; `simulator_configuration.rs` lists them.
+    ///
+    /// Errors: as [`from_parameters`](Self::from_parameters).
+    pub fn with_simulator(
+        self,
+        parameters: &Parameters,
+        default: SimulatorOptions,
+    ) -> Result<Self, HostError> {
+        Ok(Self {
+            simulator: simulator_options(parameters, default)?,
+            ..self
         })
     }
 
@@ -170,7 +189,7 @@ impl ArmConfiguration {
     }
 }
 
-fn flag(parameters: &Parameters, name: &str) -> Result<bool, HostError> {
+pub(crate) fn flag(parameters: &Parameters, name: &str) -> Result<bool, HostError> {
     Ok(match parameters.get::<bool>(name)? {
         Some(value) => value,
         None => parameters.has(name),
@@ -178,7 +197,7 @@ fn flag(parameters: &Parameters, name: &str) -> Result<bool, HostError> {
 }
 
 /// Reads a list of `N` numbers within a range.
-fn numbers<const N: usize>(
+pub(crate) fn numbers<const N: usize>(
     parameters: &Parameters,
     name: &str,
     range: Limits,

@@ -15,6 +15,7 @@ mod error;
 mod hosted_device;
 mod park_device;
 pub mod robot;
+mod simulator_configuration;
 
 pub use arm_configuration::ArmConfiguration;
 pub use device_bundle::{open, open_wrapped, opened_types};

@@ -9,7 +9,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use yarp_demos::state_feed::{self, StateFeedOptions};
-use yarp_demos::{joint_synchronisation, repeatability};
+use yarp_demos::{DemoArm, joint_synchronisation, repeatability};
 
 use crate::error::Result;
 use crate::network_access;
@@ -33,6 +33,9 @@ enum Demo {
         /// Number of visits to each pose
         #[arg(long, value_name = "N", default_value_t = 500, value_parser = clap::value_parser!(u32).range(1..))]
         repeat: u32,
+        /// Simulated arm
+        #[arg(long, value_enum, default_value_t = Simulation::Dynamic)]
+        simulation: Simulation,
     },
     /// tidies a simulated table over the network: polygons, glasses and plates into a basket each
     #[cfg(all(unix, feature = "table"))]
@@ -47,7 +50,11 @@ enum Demo {
         wait: bool,
     },
     /// moves all joints together and the tool along a line: figure 13 of the thesis
-    Sync,
+    Sync {
+        /// Simulated arm
+        #[arg(long, value_enum, default_value_t = Simulation::Dynamic)]
+        simulation: Simulation,
+    },
     /// measures repeatability, straightness and the state feed, with plots: tables 5 and 6 and figure 13 of the thesis
     Statefeed {
         /// Number of visits to each pose
@@ -59,10 +66,30 @@ enum Demo {
         /// Prefix of an arm on the network to measure, as in /wam; without it a simulated one
         #[arg(long, value_name = "PREFIX")]
         arm: Option<String>,
+        /// Simulated arm
+        #[arg(long, value_enum, default_value_t = Simulation::Dynamic)]
+        simulation: Simulation,
         /// Folder that the plots are written to
         #[arg(long, value_name = "DIR", default_value = "statefeed")]
         out: PathBuf,
     },
+}
+
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum Simulation {
+    /// Has masses, friction, encoders and a controller
+    Dynamic,
+    /// Has latency, noise, cogging, elastic cables, stiction, and motors that heat up besides
+    Real,
+}
+
+impl From<Simulation> for DemoArm {
+    fn from(simulation: Simulation) -> Self {
+        match simulation {
+            Simulation::Dynamic => Self::Dynamic,
+            Simulation::Real => Self::Real,
+        }
+    }
 }
 
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
@@ -71,12 +98,15 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         Demo::Tidy(args) => return table_demos::tidy(args, out).await,
         #[cfg(all(unix, feature = "table"))]
         Demo::Reorder { table, wait } => return table_demos::reorder(table, wait, out).await,
-        Demo::Repeatability { repeat } => repeatability::run(repeat as usize, out),
-        Demo::Sync => joint_synchronisation::run(out),
+        Demo::Repeatability { repeat, simulation } => {
+            repeatability::run(repeat as usize, simulation.into(), out)
+        }
+        Demo::Sync { simulation } => joint_synchronisation::run(simulation.into(), out),
         Demo::Statefeed {
             repeat,
             seconds,
             arm,
+            simulation,
             out: folder,
         } => {
             let network = arm.is_some().then(network_access::network).transpose()?;
@@ -84,6 +114,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
                 repeat: repeat as usize,
                 duration: Duration::from_secs(seconds.into()),
                 arm,
+                simulation: simulation.into(),
                 folder,
             };
             state_feed::run(&options, network, out).await

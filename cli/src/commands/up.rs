@@ -63,7 +63,7 @@ pub(crate) struct Args {
     /// Type of the simulation
     #[arg(long, value_enum, conflicts_with = "arm")]
     simulation: Option<Simulation>,
-    /// Kind of arm: simulated, dynamic (with masses and friction), embedded (behind its own PC, which runs `yarp wam-node`),
+    /// Kind of arm: simulated, dynamic (with masses and friction), simulated-can (--simulation real), embedded (behind its own PC, which runs `yarp wam-node`),
     /// or can:INTERFACE (on a CAN bus of this machine that is up, as in can:can0)
     #[arg(long, default_value_t = Arm::Simulated)]
     arm: Arm,
@@ -88,6 +88,9 @@ enum Simulation {
     Ideal,
     /// Has masses, friction, encoders and a controller: ends near its targets, sinks when idle
     Dynamic,
+    /// Is brought up like a real arm, with its driver: asks for the confirmation of home, and moves once `yarp wam press activate`
+    /// has pressed the pendant. Has latency, noise, cogging, elastic cables, stiction, and motors that heat up
+    Real,
 }
 
 impl Args {
@@ -96,6 +99,7 @@ impl Args {
             None => self.arm.clone(),
             Some(Simulation::Ideal) => Arm::Simulated,
             Some(Simulation::Dynamic) => Arm::Dynamic,
+            Some(Simulation::Real) => Arm::SimulatedCan,
         }
     }
 }
@@ -377,6 +381,11 @@ async fn print_summary(
         )?,
         Arm::Can(interface) => writeln!(out, "WAM arm {name} on the CAN bus {interface}\n")?,
         Arm::Simulated | Arm::Dynamic => writeln!(out, "Simulated WAM arm {name}, seven joints\n")?,
+        Arm::SimulatedCan => writeln!(
+            out,
+            "Simulated WAM arm {name} behind the driver of its CAN bus: like a real one it moves once home is confirmed\n\
+             (`yarp wam home --name {name}`) and the pendant pressed (`yarp wam press activate --name {name}`)\n"
+        )?,
     }
     let tool = format!("{TOOL_PREFIX}{name}");
     let mut ports: Vec<_> = PORTS

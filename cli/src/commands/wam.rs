@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
 
+use yarp_devices::wam::PendantButton;
 use yarp_devices::wam::can::ZeroCalibration;
 use yarp_devices::{Axes, Device, DeviceError, Encoders, RemoteVariables, VariableValue};
 use yarp_ports::{AdminClient, Network, PortError};
@@ -26,6 +27,8 @@ const CONFIRM_HOME: &str = "confirm_home";
 const ZERO_ANGLES: &str = "zero_angles";
 const STATUS: &str = "status";
 const TIMING: &str = "timing";
+/// Variable of a simulated arm.
+const PENDANT: &str = "pendant";
 /// Answer that confirms.
 const YES: &str = "yes";
 
@@ -57,6 +60,10 @@ enum Task {
     Home(HomeArgs),
     /// Print the state of the arm
     Status(BoardArgs),
+    /// Press a button of the pendant of a simulated arm (`yarp up --simulation real`), or switch it off and on
+    ///
+    /// The pendant of a real arm has buttons of its own.
+    Press(PressArgs),
     /// Stop the arm: every joint comes to rest and holds, and commands are refused until `yarp wam release`
     ///
     /// This is no emergency stop, for it needs the program that drives the arm and its machine. Press the red button of the
@@ -78,6 +85,14 @@ struct BoardArgs {
 }
 
 #[derive(Debug, clap::Args)]
+struct PressArgs {
+    /// idle, activate, stop (the red button), power-off or power-on
+    button: PendantButton,
+    #[command(flatten)]
+    board: BoardArgs,
+}
+
+#[derive(Debug, clap::Args)]
 struct HomeArgs {
     #[command(flatten)]
     board: BoardArgs,
@@ -89,6 +104,7 @@ struct HomeArgs {
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     match args.task {
         Task::Home(args) => home(args, out).await,
+        Task::Press(args) => press(args, out).await,
         Task::Stop(args) => request_stop(args, software_stop::STOP, out).await,
         Task::Brake(args) => request_stop(args, software_stop::BRAKE, out).await,
         Task::Release(args) => request_stop(args, software_stop::RELEASE, out).await,
@@ -142,6 +158,22 @@ async fn connect(name: String) -> Result<std::sync::Arc<RemoteControlBoard>> {
         RemoteControlBoardOptions::new(remote.to_string(), local).rpc_timeout(CONFIRMATION_TIMEOUT);
     let opened = blocking(move || RemoteControlBoard::open(&network, options)).await;
     Ok(std::sync::Arc::new(opened?))
+}
+
+/// Presses a button of the pendant, and prints what the arm is then.
+async fn press(args: PressArgs, out: &mut dyn Write) -> Result<ExitCode> {
+    let board = connect(args.board.name).await?;
+    let theirs = board.clone();
+    let word = VariableValue::Text(args.button.to_string());
+    blocking(move || theirs.set_variable(PENDANT, &[word])).await?;
+    let mode = variable(&board, PENDANT).await?;
+    writeln!(
+        out,
+        "pressed {}; the pendant shows: {}",
+        args.button,
+        text(&mode)
+    )?;
+    Ok(ExitCode::SUCCESS)
 }
 
 async fn home(args: HomeArgs, out: &mut dyn Write) -> Result<ExitCode> {

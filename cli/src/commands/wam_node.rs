@@ -32,8 +32,8 @@ const STATUS_POLL_INTERVAL: Duration = Duration::from_millis(100);
 /// the arm stops and holds; Ctrl-C ends the server and releases the arm.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Arm to serve: simulated (moves exactly as commanded), dynamic (with masses and friction), or
-    /// can:INTERFACE (on a CAN bus of this machine that is up, as in can:can0)
+    /// Arm to serve: simulated (moves exactly as commanded), dynamic (with masses and friction),
+    /// simulated-can (with the effects of a real arm, behind the driver of its bus), or can:INTERFACE (on a CAN bus of this machine that is up, as in can:can0)
     #[arg(long, default_value_t = Arm::Dynamic, value_parser = own_arm)]
     arm: Arm,
     #[command(flatten)]

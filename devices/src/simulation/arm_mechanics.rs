@@ -5,9 +5,9 @@ use crate::dynamics::{Dynamics, MassMatrix};
 use crate::kinematics::Joints;
 
 /// Maximum number of iterations over friction and stops in one step.
-const MAX_CONTACT_SWEEPS: usize = 30;
+pub(super) const STEP_SWEEPS: usize = 30;
 /// Sweeps end when no joint's velocity changes more, rad/s.
-const SWEEP_TOLERANCE: f64 = 1e-9;
+pub(super) const SWEEP_TOLERANCE: f64 = 1e-9;
 /// Fraction of a joint's penetration of its stop that is corrected per step.
 const STOP_CORRECTION: f64 = 0.2;
 
@@ -28,8 +28,10 @@ pub(super) struct Plant<const N: usize> {
 /// Forces on the joints during a step.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Load<const N: usize> {
-    /// MotorSet and outside forces together, Nm.
+    /// Torques of the motors, Nm.
     pub(super) torques: Joints<N>,
+    /// Torques of forces from outside, Nm.
+    pub(super) outside: Joints<N>,
     /// Nm.
     pub(super) coulomb: Joints<N>,
     /// Friction and brakes together, Nm s/rad.
@@ -62,7 +64,7 @@ impl<const N: usize> Plant<N> {
         let Some(inverse) = system.cholesky().map(|cholesky| cholesky.inverse()) else {
             return;
         };
-        let momentum = mass * self.velocities + (load.torques - bias) * seconds;
+        let momentum = mass * self.velocities + (load.torques + load.outside - bias) * seconds;
         let mut velocities = inverse * momentum;
         self.apply_friction(&inverse, &mut velocities, &load.coulomb, seconds);
         self.velocities = velocities;
@@ -79,7 +81,7 @@ impl<const N: usize> Plant<N> {
     ) {
         let mut rubbed = Joints::<N>::zeros();
         let mut stopped = Joints::<N>::zeros();
-        for _ in 0..MAX_CONTACT_SWEEPS {
+        for _ in 0..STEP_SWEEPS {
             let mut largest = 0.0_f64;
             for joint in 0..N {
                 let yielding = inverse[(joint, joint)];
@@ -106,7 +108,7 @@ impl<const N: usize> Plant<N> {
     }
 
     /// Returns the velocities that keep a joint between its stops in this step.
-    fn room(&self, joint: usize, seconds: f64) -> (f64, f64) {
+    pub(super) fn room(&self, joint: usize, seconds: f64) -> (f64, f64) {
         let angle = self.angles[joint];
         let below = self.stops[joint].min - angle;
         let above = self.stops[joint].max - angle;

@@ -5,11 +5,14 @@ use std::time::Duration;
 use nalgebra::Vector3;
 
 use super::arm_mechanics::{Load, Plant};
+use super::command_delay::CommandDelay;
+use super::elastic_cables::ElasticCables;
+use super::motor_windings::MotorWindings;
 use super::safety_module::SafetyMode;
 use super::thermal::ThermalModel;
-use super::{SafetyLimits, SafetyModule};
+use super::{ArmEffects, SafetyLimits, SafetyModule};
 use crate::Limits;
-use crate::dynamics::Body;
+use crate::dynamics::{Body, Dynamics};
 use crate::kinematics::{Joints, Pose};
 use crate::pseudo_random::Random;
 use crate::wam::{Friction, UNITS_PER_AMPERE, WamModel};
@@ -24,6 +27,12 @@ const MAX_COMMAND_UNITS: f64 = 8191.0;
 
 /// Maximum external force on an arm, N or Nm: a car, so that numbers stay finite.
 const MAX_PUSH: f64 = 1e4;
+
+/// Purposes of random numbers beside the variation of friction.
+const LATENCY_PURPOSE: u64 = 1;
+const ENCODER_PURPOSE: u64 = 2;
+/// Number of steps of the mechanics per period with the effects of a real arm: 0.5 ms each.
+const REAL_ARM_SUBSTEPS: u32 = 4;
 
 /// Clips the value to a magnitude; returns 0 for a value that is not a number.
 fn within(value: f64, most: f64) -> f64 {
@@ -47,6 +56,19 @@ pub struct SimulatorOptions {
     pub seed: u64,
     /// The limits of the safety module.
     pub safety: SafetyLimits,
+    /// Effects of a real arm; none by default.
+    pub effects: ArmEffects,
+}
+
+impl SimulatorOptions {
+    /// Returns the default options with all effects of a real arm, in steps of 0.5 ms.
+    pub fn real_arm() -> Self {
+        Self {
+            substeps: REAL_ARM_SUBSTEPS,
+            effects: ArmEffects::real_arm(),
+            ..Self::default()
+        }
+    }
 }
 
 /// 500 Hz as libbarrett, two steps of 1 ms each, friction that varies by a tenth, Barrett's safety limits.
@@ -58,6 +80,7 @@ impl Default for SimulatorOptions {
             friction_noise: 0.1,
             seed: 0,
             safety: SafetyLimits::default(),
+            effects: ArmEffects::default(),
         }
     }
 }
@@ -69,6 +92,7 @@ impl Default for SimulatorOptions {
 /// * Without power, and with idle motors, shorted windings brake each joint.
 /// * A stop at either end of each joint is a little outside its limits and takes all speed.
 /// * A force can push the tool, and torques the joints: the arm gives way.
+/// * [`ArmEffects`] add what a real arm has besides; the encoders are on the motors, before the cables.
 ///
 /// Nothing allocates in a step.
 ///
@@ -90,27 +114,38 @@ pub struct Simulator<const N: usize> {
     model: WamModel<N>,
     options: SimulatorOptions,
     plant: Plant<N>,
+    /// Cables, if they are elastic: then the plant has no rotors.
+    cables: Option<ElasticCables<N>>,
     safety: SafetyModule,
     braking: Joints<N>,
     idle: [bool; N],
     commands: [f64; N],
+    delay: CommandDelay<N>,
+    /// Commands that the motors followed in the last step.
+    followed: [f64; N],
     push: Vector3<f64>,
     twist: Joints<N>,
     contact: Joints<N>,
     load: Body,
     random: Random,
+    latency_random: Random,
+    encoder_random: Random,
+    /// Noise of the encoders' readings in this period, counts.
+    noise: [f64; N],
     thermal: ThermalModel<N>,
+    windings: MotorWindings<N>,
     steps: u64,
 }
 
 impl<const N: usize> Simulator<N> {
     /// An arm in its home pose, at rest, just switched on: idle.
     pub fn new(model: WamModel<N>, options: SimulatorOptions) -> Self {
-        let stops = model
-            .chain
-            .limits()
-            .map(|limits| Limits::new(limits.min - STOP_MARGIN, limits.max + STOP_MARGIN));
-        let plant = Plant::new(model.dynamics(), stops, model.home);
+        let stops = stops(&model, &options);
+        let plant = Plant::new(plant_dynamics(&model, &options), stops, model.home);
+        let cables = options.effects.elasticity.map(|table| {
+            let of = |joint: usize| table.get(joint).copied().unwrap_or_default();
+            ElasticCables::new(of, model.rotors, model.home)
+        });
         // A brake on each motor, seen at the joints: J2Mᵀ B J2M. With equal motors at a differential it is diagonal.
         let braking = Joints::from_fn(|joint, _| {
             let mut unit = Joints::<N>::zeros();
@@ -122,16 +157,23 @@ impl<const N: usize> Simulator<N> {
         });
         Self {
             plant,
+            cables,
             braking,
             safety: SafetyModule::new(options.safety),
             idle: [false; N],
             commands: [0.0; N],
+            delay: CommandDelay::new(),
+            followed: [0.0; N],
             push: Vector3::zeros(),
             twist: Joints::zeros(),
             contact: Joints::zeros(),
             load: Body::default(),
             random: Random::new(options.seed),
+            latency_random: Random::for_purpose(options.seed, LATENCY_PURPOSE),
+            encoder_random: Random::for_purpose(options.seed, ENCODER_PURPOSE),
+            noise: [0.0; N],
             thermal: ThermalModel::at_rest(),
+            windings: MotorWindings::at_rest(&options.effects),
             steps: 0,
             model,
             options,
@@ -161,22 +203,64 @@ impl<const N: usize> Simulator<N> {
         let seconds = self.options.period.as_secs_f64();
         let came = commanded.then_some(self.commands.as_slice());
         self.safety.watch(self.speed(), came, seconds);
-        let load = self.acting();
+        if commanded {
+            let delay = self.latency();
+            self.delay.send(self.commands, delay);
+        }
+        let friction = self.friction();
         let substeps = self.options.substeps.max(1);
         for _ in 0..substeps {
-            let mut load = load;
-            load.torques += self.pushed();
-            self.plant.advance(&load, seconds / f64::from(substeps));
+            self.advance(friction, seconds / f64::from(substeps));
         }
         let drawn = self.drawn();
         self.thermal.advance(|motor| drawn[motor], seconds);
+        self.windings.advance(|motor| drawn[motor], seconds);
+        if self.options.effects.encoder_noise > 0.0 {
+            let deviation = self.options.effects.encoder_noise;
+            let random = &mut self.encoder_random;
+            self.noise = std::array::from_fn(|_| deviation * random.gaussian());
+        }
         self.steps += 1;
         self.counts()
     }
 
+    /// Draws the delay of a command, s.
+    fn latency(&mut self) -> f64 {
+        let latency = self.options.effects.latency;
+        let jitter = latency.jitter.as_secs_f64();
+        let added = if jitter > 0.0 {
+            self.latency_random.between(0.0, jitter)
+        } else {
+            0.0
+        };
+        latency.least.as_secs_f64() + added
+    }
+
+    /// Lets links and motors move for a step.
+    fn advance(&mut self, friction: JointFriction<N>, seconds: f64) {
+        self.followed = self.delay.advance(seconds);
+        let mut load = self.acting(friction);
+        load.outside = self.pushed();
+        match &mut self.cables {
+            Some(cables) => cables.advance(&mut self.plant, &load, seconds),
+            None => self.plant.advance(&load, seconds),
+        }
+    }
+
     /// Returns the encoder counts.
     pub fn counts(&self) -> [i32; N] {
-        self.model.transmission.counts(&self.plant.angles)
+        let angles = self.motor_side().0;
+        self.model
+            .transmission
+            .counts_with_noise(&angles, &self.noise)
+    }
+
+    /// Returns angles and velocities of the motors as those of joints, rad and rad/s: of the links, if the cables are rigid.
+    fn motor_side(&self) -> (Joints<N>, Joints<N>) {
+        match &self.cables {
+            Some(cables) => (cables.angles, cables.velocities),
+            None => (self.plant.angles, self.plant.velocities),
+        }
     }
 
     /// Returns the simulated time.
@@ -187,6 +271,16 @@ impl<const N: usize> Simulator<N> {
     /// Returns the temperatures of the motors' pucks, °C: see `thermal.rs` for the assumptions.
     pub fn temperatures(&self) -> [f64; N] {
         self.thermal.temperatures()
+    }
+
+    /// Returns the temperatures of the motors' windings, °C; 25 °C where the effects have no windings.
+    pub fn winding_temperatures(&self) -> [f64; N] {
+        self.windings.temperatures()
+    }
+
+    /// Returns the joint angles at the motors, before the cables, rad: those of the links if the cables are rigid.
+    pub fn motor_angles(&self) -> Joints<N> {
+        self.motor_side().0
     }
 
     /// Returns the options.
@@ -214,7 +308,7 @@ impl<const N: usize> Simulator<N> {
         self.model.chain.forward(&self.plant.angles)
     }
 
-    /// Puts the arm into another pose, at rest, as by hand; a value that is not a number leaves its joint unchanged.
+    /// Puts the arm into another pose, at rest, as by hand, its elastic cables stretched by gravity; a value that is not a number leaves its joint unchanged.
     pub fn place(&mut self, angles: &Joints<N>) {
         let here = self.plant.angles;
         let asked = Joints::from_fn(|joint, _| {
@@ -226,6 +320,10 @@ impl<const N: usize> Simulator<N> {
         });
         self.plant.angles = self.model.chain.clamp(&asked);
         self.plant.velocities = Joints::zeros();
+        if let Some(cables) = &mut self.cables {
+            let links = self.plant.angles;
+            cables.carry(&links, &self.plant.dynamics().gravity(&links));
+        }
     }
 
     /// Returns the load on the last link, beside the arm of the model.
@@ -236,8 +334,9 @@ impl<const N: usize> Simulator<N> {
     /// Changes the load of the last link, in whose frame it is described; the controller does not know.
     pub fn set_load(&mut self, load: Body) {
         self.load = load;
+        let loaded = self.model.clone().with_load(load);
         self.plant
-            .set_dynamics(self.model.clone().with_load(load).dynamics());
+            .set_dynamics(plant_dynamics(&loaded, &self.options));
     }
 
     /// Changes the friction of the joints.
@@ -315,44 +414,88 @@ impl<const N: usize> Simulator<N> {
     /// Returns the currents in the motors, A: none without power, and for an idle joint.
     fn drawn(&self) -> [f64; N] {
         let active = self.safety.mode() == SafetyMode::Active;
+        let speeds = self.motor_speeds();
         std::array::from_fn(|motor| {
             let turned = |joint: usize| self.model.transmission.turns(motor, joint);
             if !active || (0..N).any(|joint| self.idle[joint] && turned(joint)) {
                 return 0.0;
             }
-            self.limited(motor) / UNITS_PER_AMPERE
+            self.limited(motor, speeds[motor]) / UNITS_PER_AMPERE
         })
     }
 
-    /// Returns a motor's command in units of its puck, within the puck's limit.
-    fn limited(&self, motor: usize) -> f64 {
+    /// Returns what a motor that turns at a speed, rad/s, makes of its command, in units of its puck: within the limits of
+    /// puck and supply.
+    fn limited(&self, motor: usize, speed: f64) -> f64 {
         let limit = self.model.motors[motor].limit;
-        self.commands[motor].clamp(-limit, limit)
+        let command = self.followed[motor].clamp(-limit, limit);
+        let supply = self.options.effects.supply_voltage;
+        match self.windings.current_range(motor, speed, supply) {
+            Some(range) => range.clamp(command / UNITS_PER_AMPERE) * UNITS_PER_AMPERE,
+            None => command,
+        }
     }
 
-    /// Returns the forces of motors and friction in this period.
-    fn acting(&mut self) -> Load<N> {
+    /// Returns the speeds of the rotors, rad/s.
+    fn motor_speeds(&self) -> Joints<N> {
+        self.model.transmission.motors_of(&self.motor_side().1)
+    }
+
+    /// Draws the friction of this period, and adds the brakes of windings.
+    fn friction(&mut self) -> JointFriction<N> {
         let active = self.safety.mode() == SafetyMode::Active;
-        let motors = Joints::from_fn(|motor, _| {
-            self.limited(motor) / self.model.motors[motor].units_per_newton_metre
-        });
-        let mut torques = self.model.transmission.joint_torques(&motors);
-        let mut viscous = Joints::zeros();
-        let mut coulomb = Joints::zeros();
+        let mut found = JointFriction {
+            coulomb: Joints::zeros(),
+            viscous: Joints::zeros(),
+        };
         for joint in 0..N {
             let friction = self.model.friction[joint];
-            viscous[joint] = friction.viscous;
+            found.viscous[joint] = friction.viscous;
             let noise = self.options.friction_noise * self.random.between(-1.0, 1.0);
-            coulomb[joint] = friction.coulomb * (1.0 + noise);
+            found.coulomb[joint] = friction.coulomb * (1.0 + noise);
+            if !active || self.idle[joint] {
+                found.viscous[joint] += self.braking[joint];
+            }
+        }
+        found
+    }
+
+    /// Returns the forces of motors and friction in a step.
+    fn acting(&self, friction: JointFriction<N>) -> Load<N> {
+        let active = self.safety.mode() == SafetyMode::Active;
+        let (angles, velocities) = self.motor_side();
+        let speeds = self.motor_speeds();
+        let rotors = self.model.transmission.motors_of(&angles);
+        let effects = &self.options.effects;
+        let variation = |motor: usize| {
+            let found = effects.torque_variation.get(motor);
+            found.copied().unwrap_or_default()
+        };
+        let motors = Joints::from_fn(|motor, _| {
+            let torque = self.limited(motor, speeds[motor])
+                / self.model.motors[motor].units_per_newton_metre;
+            let strength = self.windings.strength(motor);
+            torque * strength * variation(motor).ripple_factor(rotors[motor])
+        });
+        let mut torques = self.model.transmission.joint_torques(&motors);
+        let mut coulomb = friction.coulomb;
+        for joint in 0..N {
             if !active || self.idle[joint] {
                 torques[joint] = 0.0;
-                viscous[joint] += self.braking[joint];
             }
+            coulomb[joint] *= effects.stiction.factor(velocities[joint]);
+        }
+        // Magnets pull without a current, too.
+        if effects.has_cogging() {
+            let cogging =
+                Joints::from_fn(|motor, _| variation(motor).cogging_torque(rotors[motor]));
+            torques += self.model.transmission.joint_torques(&cogging);
         }
         Load {
             torques,
+            outside: Joints::zeros(),
             coulomb,
-            viscous,
+            viscous: friction.viscous,
         }
     }
 
@@ -366,10 +509,51 @@ impl<const N: usize> Simulator<N> {
         twist + jacobian.fixed_rows::<3>(0).transpose() * self.push
     }
 
-    /// The energy of the whole arm, J: of motion and of height.
+    /// The energy of the whole arm, J: of motion, of height, and of elastic cables.
     pub fn energy(&self) -> f64 {
         let dynamics = self.plant.dynamics();
-        dynamics.kinetic_energy(&self.plant.angles, &self.plant.velocities)
-            + dynamics.potential_energy(&self.plant.angles)
+        let links = &self.plant.angles;
+        let cables = self.cables.as_ref();
+        dynamics.kinetic_energy(links, &self.plant.velocities)
+            + dynamics.potential_energy(links)
+            + cables.map_or(0.0, |cables| cables.energy(links))
+    }
+}
+
+/// Friction of the joints in a period.
+#[derive(Clone, Copy, Debug)]
+struct JointFriction<const N: usize> {
+    /// Nm.
+    coulomb: Joints<N>,
+    /// With the brakes of windings, Nm s/rad.
+    viscous: Joints<N>,
+}
+
+/// Returns the ends of the range of each joint, rad.
+fn stops<const N: usize>(model: &WamModel<N>, options: &SimulatorOptions) -> [Limits; N] {
+    let limits = model.chain.limits();
+    std::array::from_fn(|joint| {
+        let (limits, home) = (limits[joint], model.home[joint]);
+        let margin = |end: f64| {
+            let rests = options.effects.rests_at_home && home == end;
+            if rests { 0.0 } else { STOP_MARGIN }
+        };
+        Limits::new(
+            limits.min - margin(limits.min),
+            limits.max + margin(limits.max),
+        )
+    })
+}
+
+/// Returns the equations of motion of the plant: without rotors if they are behind elastic cables.
+fn plant_dynamics<const N: usize>(model: &WamModel<N>, options: &SimulatorOptions) -> Dynamics<N> {
+    match options.effects.elasticity {
+        None => model.dynamics(),
+        Some(_) => Dynamics::new(
+            model.chain.clone(),
+            model.bodies,
+            Joints::zeros(),
+            model.gravity,
+        ),
     }
 }

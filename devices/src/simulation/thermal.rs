@@ -3,7 +3,8 @@
 //! Each puck with its motor is one body: what flows in the windings heats it with the square of the current, and it gives
 //! the heat off in proportion to how warm it is, `T' = (T₀ + R I² - T) / τ`. Of this Barrett publishes `T₀` alone. `R` and
 //! `τ` are **assumptions**: the shoulder of an arm that is held stretched out for long, with 1.2 A, comes
-//! near what a puck complains about, and it takes minutes. Nothing else depends on it: no motor is weaker when it is warm.
+//! near what a puck complains about, and it takes minutes. Nothing else depends on it: motors are weaker by the temperature of their
+//! windings, in `motor_windings.rs`.
 
 /// Temperature of a puck whose motor is at rest, °C (Barrett's wiki: usually from 40 °C).
 pub(crate) const REST_TEMPERATURE: f64 = 40.0;

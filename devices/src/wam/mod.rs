@@ -2,7 +2,8 @@
 //!
 //! [`WamModel`] holds the parameters of the arm. [`SimulatedWam`] and [`DynamicWam`] need no hardware: the first
 //! moves exactly as commanded, the second has masses, friction, motors and a controller. [`can::CanWam`] is a real
-//! arm on its bus. The last two have the same control: [`ArmControl`].
+//! arm on its bus. The last two have the same control: [`ArmControl`]. [`SimulatedCanWam`] is the driver of the bus with a
+//! simulated arm at its other end.
 
 mod arm_control;
 mod arm_device;
@@ -16,6 +17,7 @@ mod dynamic_arm;
 mod dynamic_variables;
 mod dynamic_wam;
 mod gravity_procedure;
+mod simulated_can_wam;
 mod simulated_wam;
 mod simulated_wam_motors;
 mod transmission;
@@ -29,6 +31,7 @@ pub use axis_parameters::{AXES, parameters};
 pub use dynamic_arm::DynamicArm;
 pub use dynamic_wam::DynamicWam;
 pub use gravity_procedure::{GravityResult, MeasuredArm, calibrate_gravity, gravity_poses};
+pub use simulated_can_wam::{PendantButton, SimulatedCanWam};
 pub use simulated_wam::SimulatedWam;
 pub use transmission::{MAGNETIC_COUNTS, OPTICAL_COUNTS, Transmission};
 pub use wam_model::{Friction, Motor, StallLimits, WamModel};

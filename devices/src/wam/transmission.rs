@@ -67,9 +67,15 @@ impl<const N: usize> Transmission<N> {
 
     /// Returns the encoder counts at these joint angles; saturates at 32 bits.
     pub fn counts(&self, joints: &Joints<N>) -> [i32; N] {
+        self.counts_with_noise(joints, &[0.0; N])
+    }
+
+    /// Returns the encoder counts at these joint angles, to which noise adds before they are rounded, counts.
+    pub(crate) fn counts_with_noise(&self, joints: &Joints<N>, noise: &[f64; N]) -> [i32; N] {
         let motors = self.motors_of(joints);
         std::array::from_fn(|motor| {
-            (f64::from(self.counts_per_turn) / TAU * motors[motor]).floor() as i32
+            let exact = f64::from(self.counts_per_turn) / TAU * motors[motor];
+            (exact + noise[motor]).floor() as i32
         })
     }
 

@@ -8,7 +8,7 @@ use yarp_devices::embedded::{
 };
 use yarp_devices::simulation::SimulatorOptions;
 use yarp_devices::wam::can::CanWam;
-use yarp_devices::wam::{DynamicWam, SimulatedWam};
+use yarp_devices::wam::{DynamicWam, SimulatedCanWam, SimulatedWam};
 use yarp_devices::{Device, DeviceError};
 use yarp_wire::settings::Parameters;
 
@@ -22,9 +22,24 @@ pub(super) async fn ideal(opening: Opening<'_>) -> OpenResult {
 }
 
 pub(super) async fn dynamic(opening: Opening<'_>) -> OpenResult {
-    let configuration = ArmConfiguration::from_parameters(opening.parameters, None)?;
+    let configuration = ArmConfiguration::from_parameters(opening.parameters, None)?
+        .with_simulator(opening.parameters, SimulatorOptions::default())?;
     open(opening, configuration, true, |configuration| {
-        DynamicWam::start_with(configuration.model.clone(), SimulatorOptions::default())
+        DynamicWam::start_with(configuration.model.clone(), configuration.simulator)
+    })
+    .await
+}
+
+/// Opens the driver of the CAN bus in front of a simulated arm.
+pub(super) async fn on_simulated_bus(opening: Opening<'_>) -> OpenResult {
+    let configuration = ArmConfiguration::from_parameters(opening.parameters, None)?
+        .with_simulator(opening.parameters, SimulatorOptions::real_arm())?;
+    open(opening, configuration, true, |configuration| {
+        SimulatedCanWam::start(
+            configuration.model.clone(),
+            configuration.can.clone(),
+            configuration.simulator,
+        )
     })
     .await
 }

@@ -55,6 +55,7 @@ pub struct SimulatedPucks {
     silent: [bool; 32],
     commanded: bool,
     stop_cuts_power: bool,
+    powered: bool,
     /// Number of frames of the host while a puck was waking, other than commands to wake.
     disturbances: u64,
     owed: Duration,
@@ -82,6 +83,7 @@ impl SimulatedPucks {
             silent: [false; 32],
             commanded: false,
             stop_cuts_power: true,
+            powered: true,
             disturbances: 0,
             owed: Duration::ZERO,
             since_broadcast: Duration::ZERO,
@@ -298,15 +300,46 @@ impl SimulatedPucks {
         self.stop_cuts_power = cuts;
     }
 
-    /// Shift and idle on the pendant.
+    /// Switches the whole arm off, so that no puck answers, or on again: then pucks and safety module monitor, the arm is
+    /// idle, and its positions are lost.
+    pub fn set_power(&mut self, powered: bool) {
+        if powered == self.powered {
+            return;
+        }
+        self.powered = true;
+        self.press_idle();
+        self.powered = powered;
+        if powered {
+            for motor in 0..AXES {
+                self.restart_motor(motor);
+            }
+            self.restart_safety();
+        } else {
+            for puck in &mut self.motors {
+                puck.start_mut().switch_off();
+            }
+            self.safety.start_mut().switch_off();
+        }
+    }
+
+    /// Returns whether the arm is switched on.
+    pub fn is_powered(&self) -> bool {
+        self.powered
+    }
+
+    /// Shift and idle on the pendant, which is dark while the arm is switched off.
     pub fn press_idle(&mut self) {
-        self.simulator.safety_mut().press_idle();
-        self.switch(&mut Vec::new());
+        if self.powered {
+            self.simulator.safety_mut().press_idle();
+            self.switch(&mut Vec::new());
+        }
     }
 
     /// Shift and activate on the pendant.
     pub fn press_activate(&mut self) {
-        self.simulator.safety_mut().press_activate();
+        if self.powered {
+            self.simulator.safety_mut().press_activate();
+        }
     }
 
     /// The red button.
