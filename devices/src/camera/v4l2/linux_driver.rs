@@ -1,0 +1,431 @@
+//! The kernel's video devices.
+//!
+//! The calls of the kernel are those of the crate `linuxvideo`. It panics where a driver says something that it does not know;
+//! [`contained`] turns that into an error.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Display;
+use std::fs;
+use std::io;
+use std::os::unix::fs::FileTypeExt;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::PathBuf;
+use std::time::Duration;
+
+use linuxvideo::controls::{Cid, ControlDesc, ControlFlags};
+use linuxvideo::format::{FrameSizes, PixFormat, PixelFormat};
+use linuxvideo::stream::ReadStream;
+use linuxvideo::{BufType, BufTypes, Device, Fract, VideoCaptureDevice};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+
+use super::Encoding;
+use super::camera_controls::{Control, ControlPort, ControlRange};
+use super::mode_selection::{Offer, SizeSteps, Wanted, choose};
+use super::pixel_conversion::{FrameLayout, MAX_PIXELS};
+use super::video_driver::{FilledBuffer, FrameStream, OpenedDevice, VideoDriver};
+use crate::{Bus, CameraDescription, DeviceError};
+
+/// Maximum number of formats that are looked at.
+const MAX_FORMATS: usize = 64;
+/// Maximum number of controls that are looked at.
+const MAX_CONTROLS: usize = 1024;
+/// Maximum number of sizes of one format that are offered.
+const MAX_SIZES: usize = 128;
+/// Maximum size of one of the driver's buffers, bytes: four for each pixel.
+const MAX_BUFFER_BYTES: usize = 4 * MAX_PIXELS;
+/// Units of a second in which a rate is asked for.
+const RATE_UNITS: u32 = 1000;
+
+/// Controls and their numbers in V4L2.
+const CONTROLS: [(Control, Cid); 24] = [
+    (Control::AutoBrightness, Cid::AUTOBRIGHTNESS),
+    (Control::AutoExposure, Cid::EXPOSURE_AUTO),
+    (Control::AutoWhiteBalance, Cid::AUTO_WHITE_BALANCE),
+    (Control::AutoHue, Cid::HUE_AUTO),
+    (Control::AutoGain, Cid::AUTOGAIN),
+    (Control::AutoFocus, Cid::FOCUS_AUTO),
+    (Control::DoWhiteBalance, Cid::DO_WHITE_BALANCE),
+    (Control::StartFocus, Cid::AUTO_FOCUS_START),
+    (Control::Brightness, Cid::BRIGHTNESS),
+    (Control::ExposureAbsolute, Cid::EXPOSURE_ABSOLUTE),
+    (Control::Exposure, Cid::EXPOSURE),
+    (Control::Sharpness, Cid::SHARPNESS),
+    (Control::BlueBalance, Cid::BLUE_BALANCE),
+    (Control::RedBalance, Cid::RED_BALANCE),
+    (
+        Control::WhiteBalanceTemperature,
+        Cid::WHITE_BALANCE_TEMPERATURE,
+    ),
+    (Control::Hue, Cid::HUE),
+    (Control::Saturation, Cid::SATURATION),
+    (Control::Gamma, Cid::GAMMA),
+    (Control::Gain, Cid::GAIN),
+    (Control::Iris, Cid::IRIS_ABSOLUTE),
+    (Control::Focus, Cid::FOCUS_ABSOLUTE),
+    (Control::Zoom, Cid::ZOOM_ABSOLUTE),
+    (Control::Pan, Cid::PAN_ABSOLUTE),
+    (Control::Tilt, Cid::TILT_ABSOLUTE),
+];
+
+/// A device file of the kernel, for instance `/dev/video0`.
+pub(super) struct LinuxDriver {
+    path: PathBuf,
+}
+
+impl LinuxDriver {
+    /// Creates the driver of a device file, which is not opened yet.
+    pub(super) fn new(path: PathBuf) -> Self {
+        Self { path }
+    }
+
+    fn failed(&self, step: &str, error: io::Error) -> DeviceError {
+        let advice = match error.kind() {
+            io::ErrorKind::NotFound => "whether the camera is plugged in (ls /dev/video*)",
+            io::ErrorKind::PermissionDenied => "as a member of the group video",
+            io::ErrorKind::ResourceBusy => "after closing other programs that use the camera",
+            _ => "plugging the camera in again, and `d` with another /dev/video*",
+        };
+        DeviceError::Remote {
+            peer: self.path.display().to_string(),
+            step: step.to_owned(),
+            advice: advice.to_owned(),
+            source: Some(error.into()),
+        }
+    }
+
+    fn check_device_file(&self) -> Result<(), DeviceError> {
+        let kind =
+            fs::metadata(&self.path).map_err(|error| self.failed("finding the camera", error))?;
+        if kind.file_type().is_char_device() {
+            return Ok(());
+        }
+        Err(DeviceError::Unsuitable {
+            what: "the camera",
+            asked: self.path.display().to_string(),
+            expected: "a device file such as /dev/video0".to_owned(),
+        })
+    }
+
+    fn open_device(&self, wanted: &Wanted) -> Result<OpenedDevice, DeviceError> {
+        self.check_device_file()?;
+        let open =
+            || Device::open(&self.path).map_err(|error| self.failed("opening the camera", error));
+        let device = open()?;
+        if !device
+            .supported_buf_types()
+            .contains(BufTypes::VIDEO_CAPTURE)
+        {
+            return Err(DeviceError::Unsuitable {
+                what: "the camera",
+                asked: self.path.display().to_string(),
+                expected: "a device that captures video in one plane; try the other /dev/video*"
+                    .to_owned(),
+            });
+        }
+        let description = description(&device);
+        let offers = offers(&device, wanted);
+        let chosen = choose(&offers, wanted)?;
+        let controls = LinuxControls::new(open()?);
+        let (capture, layout) = self.set_format(device, &chosen)?;
+        let rate = self.set_rate(&capture, wanted.rate);
+        let step = "starting the stream";
+        let stream = capture
+            .into_stream()
+            .map_err(|error| self.failed(step, error))?;
+        // A buffer is waited for with a timeout, and never taken by a call that blocks.
+        let flags = rustix::fs::fcntl_getfl(&stream).and_then(|flags| {
+            rustix::fs::fcntl_setfl(&stream, flags | rustix::fs::OFlags::NONBLOCK)
+        });
+        flags.map_err(|error| self.failed(step, error.into()))?;
+        tracing::info!(
+            "{}: {}, {} x {} {}, {} images a second",
+            self.path.display(),
+            description.description,
+            layout.size().0,
+            layout.size().1,
+            layout.encoding(),
+            rate.map_or("an unknown number of".to_owned(), |rate| format!(
+                "{rate:.3}"
+            )),
+        );
+        Ok(OpenedDevice {
+            stream: Box::new(LinuxStream { stream }),
+            controls: Box::new(controls),
+            offers,
+            description,
+            layout,
+            rate,
+        })
+    }
+
+    /// Sets size and encoding, and returns the layout that the driver made of it.
+    fn set_format(
+        &self,
+        device: Device,
+        chosen: &Offer,
+    ) -> Result<(VideoCaptureDevice, FrameLayout), DeviceError> {
+        let step = "setting size and format";
+        let refused = |error: &dyn Display| self.failed(step, io::Error::other(error.to_string()));
+        let (width, height) = chosen.size;
+        // Sides of an offer come from numbers of 32 bits.
+        let format = PixFormat::new(width as u32, height as u32, pixel_format(chosen.encoding));
+        let capture = device
+            .video_capture(format)
+            .map_err(|error| self.failed(step, error))?;
+        let format = capture.format();
+        let size = (format.width() as usize, format.height() as usize);
+        if encoding(format.pixel_format()) != Some(chosen.encoding) || size != chosen.size {
+            let got = format!("{} x {} {}", size.0, size.1, format.pixel_format());
+            let wanted = format!("{width} x {height} {}", chosen.encoding);
+            return Err(refused(&format!(
+                "the driver chose {got} instead of {wanted}"
+            )));
+        }
+        let bytes = format.size_image() as usize;
+        if bytes > MAX_BUFFER_BYTES {
+            return Err(refused(&format!(
+                "the driver wants {bytes} bytes for an image, expected at most {MAX_BUFFER_BYTES}"
+            )));
+        }
+        let layout = FrameLayout::new(chosen.encoding, size, format.bytes_per_line() as usize);
+        let layout = layout.map_err(|error| refused(&error))?;
+        Ok((capture, layout))
+    }
+
+    /// Asks for a rate, and returns the one that the driver agreed to.
+    fn set_rate(&self, capture: &VideoCaptureDevice, rate: Option<f64>) -> Option<f64> {
+        let rate = rate?;
+        let units = (rate * f64::from(RATE_UNITS)).round().max(1.0) as u32;
+        match capture.set_frame_interval(Fract::new(RATE_UNITS, units)) {
+            Ok(interval) => rate_of(&interval),
+            Err(error) => {
+                tracing::warn!("{}: the rate cannot be set: {error}", self.path.display());
+                None
+            }
+        }
+    }
+}
+
+impl VideoDriver for LinuxDriver {
+    fn open(&mut self, wanted: &Wanted) -> Result<OpenedDevice, DeviceError> {
+        let opened = contained(|| self.open_device(wanted));
+        opened.unwrap_or_else(|error| Err(self.failed("opening the camera", error)))
+    }
+}
+
+/// Calls a function of the library, and returns an error if it panics.
+fn contained<T>(call: impl FnOnce() -> T) -> io::Result<T> {
+    catch_unwind(AssertUnwindSafe(call)).map_err(|panic| {
+        let text = panic.downcast_ref::<String>().map(String::as_str);
+        let text = text.or(panic.downcast_ref::<&str>().copied());
+        let text = text.unwrap_or("no reason");
+        io::Error::other(format!("the driver said something unexpected: {text}"))
+    })
+}
+
+fn description(device: &Device) -> CameraDescription {
+    let Ok(capabilities) = device.capabilities() else {
+        return CameraDescription::default();
+    };
+    CameraDescription {
+        bus: match capabilities.bus_info().starts_with("usb") {
+            true => Bus::Usb,
+            false => Bus::Unknown,
+        },
+        description: format!("{} ({})", capabilities.card(), capabilities.bus_info()),
+    }
+}
+
+fn encoding(format: PixelFormat) -> Option<Encoding> {
+    Encoding::from_fourcc(std::str::from_utf8(&format.as_fourcc()).ok()?)
+}
+
+fn pixel_format(encoding: Encoding) -> PixelFormat {
+    match encoding {
+        Encoding::Rgb => PixelFormat::RGB3,
+        Encoding::Bgr => PixelFormat::BGR3,
+        Encoding::Yuyv => PixelFormat::YUYV,
+        Encoding::Mjpg => PixelFormat::MJPG,
+    }
+}
+
+fn rate_of(interval: &Fract) -> Option<f64> {
+    let rate = f64::from(interval.denominator()) / f64::from(interval.numerator());
+    Some(rate).filter(|rate| rate.is_finite() && *rate > 0.0)
+}
+
+/// Returns the sizes and encodings of a device.
+fn offers(device: &Device, wanted: &Wanted) -> Vec<Offer> {
+    let formats = device.formats(BufType::VIDEO_CAPTURE).take(MAX_FORMATS);
+    let formats = formats.filter_map(|format| encoding(format.ok()?.pixel_format()));
+    let encodings: BTreeSet<_> = formats.collect();
+    let mut offers = Vec::new();
+    for encoding in encodings {
+        let format = pixel_format(encoding);
+        let sizes = match device.frame_sizes(format) {
+            Ok(FrameSizes::Discrete(sizes)) => sizes
+                .iter()
+                .map(|size| (size.width() as usize, size.height() as usize))
+                .collect(),
+            Ok(FrameSizes::Stepwise(steps) | FrameSizes::Continuous(steps)) => {
+                let steps = SizeSteps {
+                    min: (steps.min_width(), steps.min_height()),
+                    max: (steps.max_width(), steps.max_height()),
+                    step: (steps.step_width(), steps.step_height()),
+                };
+                steps.sizes(wanted.size)
+            }
+            Err(error) => {
+                tracing::debug!("no sizes of {encoding}: {error}");
+                // A driver that lists no sizes may still take the wanted one.
+                Vec::from_iter(wanted.size)
+            }
+        };
+        for size in sizes.into_iter().take(MAX_SIZES) {
+            if FrameLayout::new(encoding, size, usize::MAX).is_err() {
+                continue;
+            }
+            let intervals = device.frame_intervals(format, size.0 as u32, size.1 as u32);
+            offers.push(Offer {
+                encoding,
+                size,
+                max_rate: intervals.ok().and_then(|all| rate_of(&all.min())),
+            });
+        }
+    }
+    offers
+}
+
+/// The controls of a device, opened for them alone.
+struct LinuxControls {
+    device: Device,
+    ranges: BTreeMap<Control, ControlRange>,
+}
+
+impl LinuxControls {
+    fn new(device: Device) -> Self {
+        let range = |control: ControlDesc| {
+            let known = CONTROLS.iter().find(|(_, id)| *id == control.id())?;
+            let unusable = ControlFlags::READ_ONLY | ControlFlags::HAS_PAYLOAD;
+            if control.flags().intersects(unusable) {
+                return None;
+            }
+            let range = ControlRange {
+                min: control.minimum(),
+                max: control.maximum(),
+                step: control.step(),
+            };
+            Some((known.0, range))
+        };
+        let controls = device.controls().take(MAX_CONTROLS);
+        let ranges = controls.map_while(Result::ok).filter_map(range).collect();
+        Self { device, ranges }
+    }
+}
+
+impl ControlPort for LinuxControls {
+    fn ranges(&self) -> &BTreeMap<Control, ControlRange> {
+        &self.ranges
+    }
+
+    fn read(&self, control: Control) -> io::Result<i32> {
+        self.device.read_control_raw(id_of(control)?)
+    }
+
+    fn write(&mut self, control: Control, value: i32) -> io::Result<()> {
+        self.device.write_control_raw(id_of(control)?, value)
+    }
+}
+
+fn id_of(control: Control) -> io::Result<Cid> {
+    let mut known = CONTROLS.iter();
+    let known = known.find(|(known, _)| *known == control);
+    known
+        .map(|(_, id)| *id)
+        .ok_or(io::ErrorKind::Unsupported.into())
+}
+
+struct LinuxStream {
+    stream: ReadStream,
+}
+
+impl FrameStream for LinuxStream {
+    fn wait(&mut self, timeout: Duration) -> io::Result<bool> {
+        let timeout = Timespec::try_from(timeout).map_err(io::Error::other)?;
+        let mut files = [PollFd::new(&self.stream, PollFlags::IN)];
+        match poll(&mut files, Some(&timeout)) {
+            Ok(0) | Err(rustix::io::Errno::INTR) => Ok(false),
+            Ok(_) if files[0].revents().contains(PollFlags::IN) => Ok(true),
+            // Gone, or in a state of error that only a new stream ends.
+            Ok(_) if files[0].revents().contains(PollFlags::HUP) => {
+                Err(rustix::io::Errno::NODEV.into())
+            }
+            Ok(_) => Err(io::Error::other(
+                "the driver has stopped the stream (POLLERR)",
+            )),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    fn take(&mut self, use_buffer: &mut dyn FnMut(FilledBuffer<'_>)) -> io::Result<()> {
+        contained(|| {
+            self.stream.dequeue(|buffer| {
+                use_buffer(FilledBuffer {
+                    bytes: &buffer,
+                    damaged: buffer.is_error(),
+                });
+                Ok(())
+            })
+        })?
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn refusal(path: &str) -> String {
+        let opened = LinuxDriver::new(path.into()).open(&Wanted::default());
+        match opened {
+            Ok(_) => panic!("{path} is a camera"),
+            Err(error) => error.to_string(),
+        }
+    }
+
+    #[test]
+    fn what_is_no_camera_is_refused() {
+        let missing = refusal("/dev/video-that-is-not-there");
+        assert!(missing.contains("video-that-is-not-there"), "{missing}");
+        assert!(missing.contains("plugged in"), "{missing}");
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let plain = refusal(file.path().to_str().unwrap());
+        assert!(plain.contains("/dev/video0"), "{plain}");
+        let other = refusal("/dev/null");
+        assert!(
+            other.contains("opening the camera with /dev/null"),
+            "{other}"
+        );
+    }
+
+    #[test]
+    fn a_panic_of_the_library_is_an_error() {
+        let error = contained(|| -> () { panic!("unknown frame size type {}", 7) }).unwrap_err();
+        assert!(error.to_string().contains("type 7"), "{error}");
+        assert_eq!(contained(|| 3).unwrap(), 3);
+    }
+
+    #[test]
+    fn every_control_has_one_number() {
+        for (control, id) in CONTROLS {
+            assert_eq!(id_of(control).unwrap(), id, "{control:?}");
+            let same = CONTROLS.iter().filter(|(_, other)| *other == id);
+            assert_eq!(same.count(), 1, "{control:?}");
+        }
+    }
+
+    #[test]
+    fn a_rate_is_the_reciprocal_of_an_interval() {
+        assert_eq!(rate_of(&Fract::new(1, 30)), Some(30.0));
+        assert_eq!(rate_of(&Fract::new(0, 30)), None);
+    }
+}
