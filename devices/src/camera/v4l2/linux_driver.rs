@@ -3,7 +3,7 @@
 //! The calls of the kernel are those of the crate `linuxvideo`. It panics where a driver says something that it does not know;
 //! [`contained`] turns that into an error.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::fmt::Display;
 use std::fs;
 use std::io;
@@ -12,14 +12,13 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::time::Duration;
 
-use linuxvideo::controls::{Cid, ControlDesc, ControlFlags};
 use linuxvideo::format::{FrameSizes, PixFormat, PixelFormat};
 use linuxvideo::stream::ReadStream;
 use linuxvideo::{BufType, BufTypes, Device, Fract, VideoCaptureDevice};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 use super::Encoding;
-use super::camera_controls::{Control, ControlPort, ControlRange};
+use super::kernel_controls::KernelControls;
 use super::mode_selection::{Offer, SizeSteps, Wanted, choose};
 use super::pixel_conversion::{FrameLayout, MAX_PIXELS};
 use super::video_driver::{FilledBuffer, FrameStream, OpenedDevice, VideoDriver};
@@ -27,45 +26,12 @@ use crate::{Bus, CameraDescription, DeviceError};
 
 /// Maximum number of formats that are looked at.
 const MAX_FORMATS: usize = 64;
-/// Maximum number of controls that are looked at.
-const MAX_CONTROLS: usize = 1024;
 /// Maximum number of sizes of one format that are offered.
 const MAX_SIZES: usize = 128;
 /// Maximum size of one of the driver's buffers, bytes: four for each pixel.
 const MAX_BUFFER_BYTES: usize = 4 * MAX_PIXELS;
 /// Units of a second in which a rate is asked for.
 const RATE_UNITS: u32 = 1000;
-
-/// Controls and their numbers in V4L2.
-const CONTROLS: [(Control, Cid); 24] = [
-    (Control::AutoBrightness, Cid::AUTOBRIGHTNESS),
-    (Control::AutoExposure, Cid::EXPOSURE_AUTO),
-    (Control::AutoWhiteBalance, Cid::AUTO_WHITE_BALANCE),
-    (Control::AutoHue, Cid::HUE_AUTO),
-    (Control::AutoGain, Cid::AUTOGAIN),
-    (Control::AutoFocus, Cid::FOCUS_AUTO),
-    (Control::DoWhiteBalance, Cid::DO_WHITE_BALANCE),
-    (Control::StartFocus, Cid::AUTO_FOCUS_START),
-    (Control::Brightness, Cid::BRIGHTNESS),
-    (Control::ExposureAbsolute, Cid::EXPOSURE_ABSOLUTE),
-    (Control::Exposure, Cid::EXPOSURE),
-    (Control::Sharpness, Cid::SHARPNESS),
-    (Control::BlueBalance, Cid::BLUE_BALANCE),
-    (Control::RedBalance, Cid::RED_BALANCE),
-    (
-        Control::WhiteBalanceTemperature,
-        Cid::WHITE_BALANCE_TEMPERATURE,
-    ),
-    (Control::Hue, Cid::HUE),
-    (Control::Saturation, Cid::SATURATION),
-    (Control::Gamma, Cid::GAMMA),
-    (Control::Gain, Cid::GAIN),
-    (Control::Iris, Cid::IRIS_ABSOLUTE),
-    (Control::Focus, Cid::FOCUS_ABSOLUTE),
-    (Control::Zoom, Cid::ZOOM_ABSOLUTE),
-    (Control::Pan, Cid::PAN_ABSOLUTE),
-    (Control::Tilt, Cid::TILT_ABSOLUTE),
-];
 
 /// A device file of the kernel, for instance `/dev/video0`.
 pub(super) struct LinuxDriver {
@@ -108,13 +74,10 @@ impl LinuxDriver {
 
     fn open_device(&self, wanted: &Wanted) -> Result<OpenedDevice, DeviceError> {
         self.check_device_file()?;
-        let open =
-            || Device::open(&self.path).map_err(|error| self.failed("opening the camera", error));
-        let device = open()?;
-        if !device
-            .supported_buf_types()
-            .contains(BufTypes::VIDEO_CAPTURE)
-        {
+        let step = "opening the camera";
+        let device = Device::open(&self.path).map_err(|error| self.failed(step, error))?;
+        let types = device.supported_buf_types();
+        if !types.contains(BufTypes::VIDEO_CAPTURE) {
             return Err(DeviceError::Unsuitable {
                 what: "the camera",
                 asked: self.path.display().to_string(),
@@ -125,7 +88,8 @@ impl LinuxDriver {
         let description = description(&device);
         let offers = offers(&device, wanted);
         let chosen = choose(&offers, wanted)?;
-        let controls = LinuxControls::new(open()?);
+        let controls = KernelControls::open(&self.path);
+        let controls = controls.map_err(|error| self.failed("reading the controls", error))?;
         let (capture, layout) = self.set_format(device, &chosen)?;
         let rate = self.set_rate(&capture, wanted.rate);
         let step = "starting the stream";
@@ -296,55 +260,6 @@ fn offers(device: &Device, wanted: &Wanted) -> Vec<Offer> {
     offers
 }
 
-/// The controls of a device, opened for them alone.
-struct LinuxControls {
-    device: Device,
-    ranges: BTreeMap<Control, ControlRange>,
-}
-
-impl LinuxControls {
-    fn new(device: Device) -> Self {
-        let range = |control: ControlDesc| {
-            let known = CONTROLS.iter().find(|(_, id)| *id == control.id())?;
-            let unusable = ControlFlags::READ_ONLY | ControlFlags::HAS_PAYLOAD;
-            if control.flags().intersects(unusable) {
-                return None;
-            }
-            let range = ControlRange {
-                min: control.minimum(),
-                max: control.maximum(),
-                step: control.step(),
-            };
-            Some((known.0, range))
-        };
-        let controls = device.controls().take(MAX_CONTROLS);
-        let ranges = controls.map_while(Result::ok).filter_map(range).collect();
-        Self { device, ranges }
-    }
-}
-
-impl ControlPort for LinuxControls {
-    fn ranges(&self) -> &BTreeMap<Control, ControlRange> {
-        &self.ranges
-    }
-
-    fn read(&self, control: Control) -> io::Result<i32> {
-        self.device.read_control_raw(id_of(control)?)
-    }
-
-    fn write(&mut self, control: Control, value: i32) -> io::Result<()> {
-        self.device.write_control_raw(id_of(control)?, value)
-    }
-}
-
-fn id_of(control: Control) -> io::Result<Cid> {
-    let mut known = CONTROLS.iter();
-    let known = known.find(|(known, _)| *known == control);
-    known
-        .map(|(_, id)| *id)
-        .ok_or(io::ErrorKind::Unsupported.into())
-}
-
 struct LinuxStream {
     stream: ReadStream,
 }
@@ -412,15 +327,6 @@ mod tests {
         let error = contained(|| -> () { panic!("unknown frame size type {}", 7) }).unwrap_err();
         assert!(error.to_string().contains("type 7"), "{error}");
         assert_eq!(contained(|| 3).unwrap(), 3);
-    }
-
-    #[test]
-    fn every_control_has_one_number() {
-        for (control, id) in CONTROLS {
-            assert_eq!(id_of(control).unwrap(), id, "{control:?}");
-            let same = CONTROLS.iter().filter(|(_, other)| *other == id);
-            assert_eq!(same.count(), 1, "{control:?}");
-        }
     }
 
     #[test]

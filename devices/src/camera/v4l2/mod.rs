@@ -15,7 +15,7 @@
 //! | `pixel_conversion` | buffers to images; [`Encoding`] |
 //! | `camera_controls` | features as controls of the driver |
 //! | `video_driver` | the driver as traits, so that all this is tested without one |
-//! | `linux_driver` | the driver of the kernel |
+//! | `linux_driver`, `kernel_controls` | the driver of the kernel |
 //!
 //! `make test-camera` runs it with the kernel's virtual camera `vivid`.
 
@@ -23,6 +23,7 @@ mod camera_controls;
 mod capture_thread;
 #[cfg(test)]
 mod fake_driver;
+mod kernel_controls;
 mod linux_driver;
 mod mode_selection;
 mod pixel_conversion;
