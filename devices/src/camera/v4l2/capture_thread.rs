@@ -5,9 +5,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use super::buffer_conversion::{FrameError, FrameLayout};
 use super::camera_controls::ControlPanel;
 use super::mode_selection::{Offer, Wanted};
-use super::pixel_conversion::{FrameError, FrameLayout};
 use super::video_driver::{FilledBuffer, OpenedDevice, VideoDriver};
 use crate::camera::LatestValue;
 use crate::image::{Crop, Frame, Image, PixelFormat};

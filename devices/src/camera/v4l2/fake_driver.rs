@@ -6,10 +6,10 @@ use std::thread;
 use std::time::Duration;
 
 use super::Encoding;
+use super::buffer_conversion::FrameLayout;
 use super::camera_controls::Control;
 use super::camera_controls::tests::FakePort;
 use super::mode_selection::{Offer, Wanted, choose};
-use super::pixel_conversion::FrameLayout;
 use super::video_driver::{FilledBuffer, FrameStream, OpenedDevice, VideoDriver};
 use crate::{Bus, CameraDescription, DeviceError};
 

@@ -18,9 +18,9 @@ use linuxvideo::{BufType, BufTypes, Device, Fract, VideoCaptureDevice};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 use super::Encoding;
+use super::buffer_conversion::{FrameLayout, MAX_PIXELS};
 use super::kernel_controls::KernelControls;
 use super::mode_selection::{Offer, SizeSteps, Wanted, choose};
-use super::pixel_conversion::{FrameLayout, MAX_PIXELS};
 use super::video_driver::{FilledBuffer, FrameStream, OpenedDevice, VideoDriver};
 use crate::{Bus, CameraDescription, DeviceError};
 

@@ -1,7 +1,7 @@
 //! Cameras of the machine, through the kernel's interface for video devices (V4L2).
 //!
 //! ```text
-//! linux_driver ──▶ capture_thread ──▶ pixel_conversion ──▶ LatestValue ──▶ whoever asks
+//! linux_driver ──▶ capture_thread ──▶ buffer_conversion ──▶ LatestValue ──▶ whoever asks
 //! the kernel       waits, takes,       lengths checked,
 //!                  opens again         red, green, blue
 //! ```
@@ -12,13 +12,14 @@
 //! | `v4l2_options` | [`V4l2Options`] |
 //! | `capture_thread` | takes images, and opens an unplugged camera again |
 //! | `mode_selection` | choice of size, encoding and rate |
-//! | `pixel_conversion` | buffers to images; [`Encoding`] |
+//! | `buffer_conversion` | buffers to images; [`Encoding`] |
 //! | `camera_controls` | features as controls of the driver |
 //! | `video_driver` | the driver as traits, so that all this is tested without one |
 //! | `linux_driver`, `kernel_controls` | the driver of the kernel |
 //!
 //! `make test-camera` runs it with the kernel's virtual camera `vivid`.
 
+mod buffer_conversion;
 mod camera_controls;
 mod capture_thread;
 #[cfg(test)]
@@ -26,11 +27,10 @@ mod fake_driver;
 mod kernel_controls;
 mod linux_driver;
 mod mode_selection;
-mod pixel_conversion;
 mod v4l2_camera;
 mod v4l2_options;
 mod video_driver;
 
-pub use pixel_conversion::Encoding;
+pub use buffer_conversion::Encoding;
 pub use v4l2_camera::V4l2Camera;
 pub use v4l2_options::V4l2Options;

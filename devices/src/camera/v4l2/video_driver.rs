@@ -3,9 +3,9 @@
 use std::io;
 use std::time::Duration;
 
+use super::buffer_conversion::FrameLayout;
 use super::camera_controls::ControlPort;
 use super::mode_selection::{Offer, Wanted};
-use super::pixel_conversion::FrameLayout;
 use crate::{CameraDescription, DeviceError};
 
 /// A device file that can be opened again and again.
