@@ -6,7 +6,10 @@ use std::fmt;
 use crate::image::{Image, MAX_IMAGE_SIDE, PixelFormat, image_file};
 
 /// Maximum number of pixels of an image, which holds 8K video (7680 x 4320).
-pub(super) const MAX_PIXELS: usize = 1 << 25;
+const MAX_PIXELS: usize = 1 << 25;
+
+/// Maximum size of one of the driver's buffers, bytes: four for each pixel.
+const MAX_BUFFER_BYTES: usize = 4 * MAX_PIXELS;
 
 /// Encoding of the pixels in a driver's buffer, in the order of preference: the cheapest to convert first.
 #[derive(Clone, Copy, Debug, Eq, Hash, Ord, PartialEq, PartialOrd)]
@@ -67,6 +70,9 @@ pub(super) enum FrameError {
     /// A line has no room for its pixels.
     #[error("the driver says {got} bytes per line, expected {expected} at least")]
     Line { got: usize, expected: usize },
+    /// Buffers are larger than any image.
+    #[error("the driver wants {got} bytes for an image, expected at most {MAX_BUFFER_BYTES}")]
+    Buffer { got: usize },
     /// The buffer ends before the image.
     #[error("the driver delivered {got} bytes, expected {expected}")]
     Short { got: usize, expected: usize },
@@ -94,11 +100,18 @@ pub(super) struct FrameLayout {
 }
 
 impl FrameLayout {
-    /// Creates a layout from a driver's claims, if an image of it has a bounded size and lines with room for the pixels.
+    /// Returns whether an image of this size is small enough.
+    pub(super) fn has_valid_size(size: (usize, usize)) -> bool {
+        Self::new(Encoding::Mjpg, size, 0, 0).is_ok()
+    }
+
+    /// Creates a layout from a driver's claims, if an image and a buffer of it have a bounded size, and lines have room for
+    /// the pixels.
     pub(super) fn new(
         encoding: Encoding,
         (width, height): (usize, usize),
         bytes_per_line: usize,
+        buffer_bytes: usize,
     ) -> Result<Self, FrameError> {
         let sides = 1..=MAX_IMAGE_SIDE;
         if !(sides.contains(&width) && sides.contains(&height) && width * height <= MAX_PIXELS) {
@@ -108,6 +121,9 @@ impl FrameLayout {
         if bytes_per_line < expected {
             let got = bytes_per_line;
             return Err(FrameError::Line { got, expected });
+        }
+        if buffer_bytes > MAX_BUFFER_BYTES {
+            return Err(FrameError::Buffer { got: buffer_bytes });
         }
         Ok(Self {
             encoding,
@@ -217,7 +233,7 @@ fn has_tables(bytes: &[u8]) -> bool {
             0xda => return false,
             _ => {}
         }
-        let length = usize::from(u16::from_be_bytes([high, low])).max(2);
+        let length = usize::from(u16::from_be_bytes([high, low]));
         rest = rest.get(2 + length..).unwrap_or_default();
     }
     false
@@ -232,7 +248,7 @@ mod tests {
         size: (usize, usize),
         line: usize,
     ) -> Result<FrameLayout, FrameError> {
-        FrameLayout::new(encoding, size, line)
+        FrameLayout::new(encoding, size, line, 0)
     }
 
     /// Colour bars of 100 % in the limited range of BT.601, as ITU-R BT.801 and SMPTE EG 1 print them.
@@ -325,12 +341,18 @@ mod tests {
             }
         );
         assert!(layout(Encoding::Rgb, (640, 480), 640 * 3 - 1).is_err());
-        // Lines as long as memory are no reason to allocate it.
-        let endless = layout(Encoding::Rgb, (2, 2), long).unwrap();
-        assert!(matches!(
-            endless.image(&[0; 64]),
-            Err(FrameError::Short { .. })
-        ));
+        let with_buffer = |bytes| FrameLayout::new(Encoding::Mjpg, (2, 2), 0, bytes);
+        assert!(with_buffer(1 << 27).is_ok());
+        let got = (1 << 27) + 1;
+        assert_eq!(with_buffer(got).unwrap_err(), FrameError::Buffer { got });
+        assert!(FrameLayout::has_valid_size((8192, 4096)));
+        assert!(!FrameLayout::has_valid_size((8192, 4097)));
+        // Lines as long as memory are no reason to allocate it, nor to wrap around.
+        for line in [long, 1 << (usize::BITS - 1)] {
+            let endless = layout(Encoding::Rgb, (2, 3), line).unwrap();
+            let refused = endless.image(&[0; 64]);
+            assert!(matches!(refused, Err(FrameError::Short { .. })), "{line}");
+        }
     }
 
     fn jpeg(side: u16) -> Vec<u8> {

@@ -86,7 +86,7 @@ impl VideoDriver for FakeDriver {
             max_rate: Some(30.0),
         });
         let chosen = choose(&offers, wanted)?;
-        let layout = FrameLayout::new(Encoding::Rgb, chosen.size, chosen.size.0 * 3).unwrap();
+        let layout = FrameLayout::new(Encoding::Rgb, chosen.size, chosen.size.0 * 3, 0).unwrap();
         device.port = FakePort::with(&[(Control::Brightness, 0, 100, 1)]);
         Ok(OpenedDevice {
             stream: Box::new(FakeStream {

@@ -18,18 +18,14 @@ use linuxvideo::{BufType, BufTypes, Device, Fract, VideoCaptureDevice};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 use super::Encoding;
-use super::buffer_conversion::{FrameLayout, MAX_PIXELS};
+use super::buffer_conversion::FrameLayout;
 use super::kernel_controls::KernelControls;
-use super::mode_selection::{Offer, SizeSteps, Wanted, choose};
+use super::mode_selection::{Offer, SizeSteps, Wanted, choose, offers_of};
 use super::video_driver::{FilledBuffer, FrameStream, OpenedDevice, VideoDriver};
 use crate::{Bus, CameraDescription, DeviceError};
 
 /// Maximum number of formats that are looked at.
 const MAX_FORMATS: usize = 64;
-/// Maximum number of sizes of one format that are offered.
-const MAX_SIZES: usize = 128;
-/// Maximum size of one of the driver's buffers, bytes: four for each pixel.
-const MAX_BUFFER_BYTES: usize = 4 * MAX_PIXELS;
 /// Units of a second in which a rate is asked for.
 const RATE_UNITS: u32 = 1000;
 
@@ -145,13 +141,11 @@ impl LinuxDriver {
                 "the driver chose {got} instead of {wanted}"
             )));
         }
-        let bytes = format.size_image() as usize;
-        if bytes > MAX_BUFFER_BYTES {
-            return Err(refused(&format!(
-                "the driver wants {bytes} bytes for an image, expected at most {MAX_BUFFER_BYTES}"
-            )));
-        }
-        let layout = FrameLayout::new(chosen.encoding, size, format.bytes_per_line() as usize);
+        let (line, buffer) = (
+            format.bytes_per_line() as usize,
+            format.size_image() as usize,
+        );
+        let layout = FrameLayout::new(chosen.encoding, size, line, buffer);
         let layout = layout.map_err(|error| refused(&error))?;
         Ok((capture, layout))
     }
@@ -204,6 +198,12 @@ fn encoding(format: PixelFormat) -> Option<Encoding> {
     Encoding::from_fourcc(std::str::from_utf8(&format.as_fourcc()).ok()?)
 }
 
+/// Returns the known encodings among the first formats of a list that a driver may never end.
+fn encodings(formats: impl Iterator<Item = io::Result<PixelFormat>>) -> BTreeSet<Encoding> {
+    let formats = formats.take(MAX_FORMATS).filter_map(Result::ok);
+    formats.filter_map(encoding).collect()
+}
+
 fn pixel_format(encoding: Encoding) -> PixelFormat {
     match encoding {
         Encoding::Rgb => PixelFormat::RGB3,
@@ -220,9 +220,8 @@ fn rate_of(interval: &Fract) -> Option<f64> {
 
 /// Returns the sizes and encodings of a device.
 fn offers(device: &Device, wanted: &Wanted) -> Vec<Offer> {
-    let formats = device.formats(BufType::VIDEO_CAPTURE).take(MAX_FORMATS);
-    let formats = formats.filter_map(|format| encoding(format.ok()?.pixel_format()));
-    let encodings: BTreeSet<_> = formats.collect();
+    let formats = device.formats(BufType::VIDEO_CAPTURE);
+    let encodings = encodings(formats.map(|format| Ok(format?.pixel_format())));
     let mut offers = Vec::new();
     for encoding in encodings {
         let format = pixel_format(encoding);
@@ -245,17 +244,10 @@ fn offers(device: &Device, wanted: &Wanted) -> Vec<Offer> {
                 Vec::from_iter(wanted.size)
             }
         };
-        for size in sizes.into_iter().take(MAX_SIZES) {
-            if FrameLayout::new(encoding, size, usize::MAX).is_err() {
-                continue;
-            }
-            let intervals = device.frame_intervals(format, size.0 as u32, size.1 as u32);
-            offers.push(Offer {
-                encoding,
-                size,
-                max_rate: intervals.ok().and_then(|all| rate_of(&all.min())),
-            });
-        }
+        offers.extend(offers_of(encoding, sizes, |(width, height)| {
+            let intervals = device.frame_intervals(format, width as u32, height as u32);
+            rate_of(&intervals.ok()?.min())
+        }));
     }
     offers
 }
@@ -327,6 +319,26 @@ mod tests {
         let error = contained(|| -> () { panic!("unknown frame size type {}", 7) }).unwrap_err();
         assert!(error.to_string().contains("type 7"), "{error}");
         assert_eq!(contained(|| 3).unwrap(), 3);
+    }
+
+    #[test]
+    fn a_list_of_formats_without_an_end_is_cut() {
+        let mut listed = 0;
+        let formats = std::iter::from_fn(|| {
+            listed += 1;
+            assert!(listed <= MAX_FORMATS, "it goes on");
+            Some(match listed {
+                1 => Ok(PixelFormat::MJPG),
+                2 => Err(io::ErrorKind::InvalidInput.into()),
+                3 => Ok(PixelFormat::YUYV),
+                _ => Ok(PixelFormat::XRGB32),
+            })
+        });
+        assert_eq!(
+            encodings(formats),
+            BTreeSet::from([Encoding::Yuyv, Encoding::Mjpg])
+        );
+        assert_eq!(listed, MAX_FORMATS);
     }
 
     #[test]

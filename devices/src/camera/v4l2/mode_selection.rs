@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::Encoding;
+use super::buffer_conversion::FrameLayout;
 use crate::DeviceError;
 
 /// Size that is taken, or the nearest one, if none is asked for: the default of stock.
@@ -15,6 +16,8 @@ const USUAL_SIZES: [(usize, usize); 5] = [
     (1280, 720),
     (1920, 1080),
 ];
+/// Maximum number of sizes of one encoding that are offered.
+const MAX_SIZES: usize = 128;
 /// Share of a rate that may be missing, for intervals such as 1001/30000 s.
 const RATE_TOLERANCE: f64 = 0.01;
 
@@ -72,6 +75,23 @@ impl SizeSteps {
         }
         sizes
     }
+}
+
+/// Returns the offers of an encoding: sizes that an image may have, not more of them than a camera needs.
+pub(super) fn offers_of(
+    encoding: Encoding,
+    sizes: Vec<(usize, usize)>,
+    mut max_rate: impl FnMut((usize, usize)) -> Option<f64>,
+) -> Vec<Offer> {
+    let sizes = sizes
+        .into_iter()
+        .filter(|size| FrameLayout::has_valid_size(*size));
+    let offers = sizes.take(MAX_SIZES).map(|size| Offer {
+        encoding,
+        size,
+        max_rate: max_rate(size),
+    });
+    offers.collect()
 }
 
 /// Chooses among `offers`.
@@ -259,6 +279,23 @@ mod tests {
         for size in [(1921, 1), (1, 1081), (0, 0), (0, 10), (10, 0)] {
             assert!(choose(&webcam(), &crop(size)).is_err(), "{size:?}");
         }
+    }
+
+    #[test]
+    fn offers_are_bounded() {
+        let sizes = (0..1000)
+            .map(|side| (side, 20))
+            .chain([(20, 1 << 20)])
+            .collect();
+        let offers = offers_of(Encoding::Yuyv, sizes, |size| Some(size.0 as f64));
+        assert_eq!(offers.len(), MAX_SIZES);
+        assert_eq!(
+            offers[0],
+            offer(Encoding::Yuyv, (1, 20), 1.0),
+            "no side is 0"
+        );
+        let none = offers_of(Encoding::Yuyv, vec![(20, 1 << 20)], |_| None);
+        assert!(none.is_empty());
     }
 
     #[test]
