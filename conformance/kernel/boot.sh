@@ -57,7 +57,7 @@ chmod +x "$disk/init"
     fail "no RAM disk could be made: $(cat "$work/cpio")"
 
 status=0
-timeout "$DEADLINE" qemu-system-x86_64 -M pc -cpu max -smp "${PROCESSORS:-1}" -m 256 $CLOCK \
+timeout "$DEADLINE" qemu-system-x86_64 -M pc -cpu max -smp 1 -m 256 $CLOCK \
     -kernel "$CACHE/vmlinuz" -initrd "$work/initrd" -append "console=ttyS0 quiet panic=-1 $*" \
     -nodefaults -no-reboot -display none -serial stdio </dev/null 2>&1 | tee "$CONSOLE" || status=$?
 [ "$status" = 0 ] || fail "the virtual machine ended with $status (124: after $DEADLINE s); try again with more seconds"

@@ -8,7 +8,7 @@ trap 'rm -rf "$work"' EXIT
 
 on() {
     echo "rt: $1"
-    KERNEL="$1" CONSOLE="$work/$1" PROCESSORS=2 DEADLINE="${RT_DEADLINE:-600}" \
+    KERNEL="$1" CONSOLE="$work/$1" DEADLINE="${RT_DEADLINE:-600}" \
         conformance/kernel/boot.sh rt arm_in_real_time conformance/rt "YARP_REALTIME_KERNEL=$2"
 }
 

@@ -8,7 +8,6 @@
 //! Prints a line for each scenario, and `VERDICT: ` with `all N scenarios hold` or what failed.
 
 #[cfg(target_os = "linux")]
-#[allow(dead_code, reason = "shared with arm_on_vcan, which uses all of it")]
 #[path = "../tests/support/can/mod.rs"]
 mod can;
 
