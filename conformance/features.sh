@@ -13,13 +13,13 @@ SETS='
 yarp-wire           -
 yarp-ports          - jpeg shmem zlib tls jpeg,shmem,tls,zlib latency-ablation
 yarp-nameserver     - sqlite
-yarp-devices        - image-files barrett
+yarp-devices        - image-files barrett v4l2
 yarp-wrappers       -
-yarp-hosting        -
+yarp-hosting        - v4l2
 yarp-client-derive  -
 yarp-client         - jpeg shmem zlib tls barrett
 yarp-planning       -
-yarp-cli            - table
+yarp-cli            - table v4l2
 '
 
 failed=0

@@ -193,6 +193,27 @@ fn errors_name_file_and_line() {
     ended.complains("cannot find nowhere.ini in any of");
 }
 
+#[cfg(target_os = "linux")]
+#[test]
+fn a_camera_that_is_not_there_is_named() {
+    let home = Home::new();
+    let _server = home.serve();
+    let list = home.run("dev --list").with(0);
+    assert!(list.says("Device \"usbCamera\""), "{list:?}");
+    for (device, reason) in [
+        (
+            "/dev/video-not-there",
+            "finding the camera with /dev/video-not-there failed",
+        ),
+        ("/dev/null", "opening the camera with /dev/null failed"),
+    ] {
+        let line = format!("dev --device usbCamera --d {device} --name /eye");
+        home.run(&line).with(1).complains(reason);
+    }
+    let ended = home.run("dev --device usbCamera --name /eye").with(1);
+    ended.complains("parameter d is missing");
+}
+
 #[test]
 fn help_needs_no_network() {
     let home = Home::new();

@@ -25,6 +25,7 @@
 //! | --- | --- |
 //! | `barrett` | [`wam`], [`embedded`], [`can`], the drivers and simulations of [`hand`], and the mathematics of an arm |
 //! | `image-files` | PNG and JPEG images for [`camera`], besides PPM and PGM |
+//! | `v4l2` | cameras of a Linux machine for [`camera`] |
 //!
 //! No feature is on by default: then this crate is the interfaces, [`Device`], [`checks`], [`guard`], [`remapper`], and
 //! the simulated devices of [`fake`] and [`camera`].

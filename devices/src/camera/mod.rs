@@ -1,4 +1,4 @@
-//! A camera that shows a test pattern, an image or a film.
+//! A camera that shows a test pattern, an image or a film, and cameras of the machine.
 //!
 //! ```text
 //! ImageSource ──▶ FeatureSettings ──▶ LatestValue ──▶ whoever asks
@@ -14,6 +14,7 @@
 //! | `camera_images`, `test_pattern`, [`mjpeg_splitter`] | sources of images |
 //! | `feature_settings` | effects of the features |
 //! | `shared_latest` | [`LatestValue`]: hands frames to readers without blocking the camera |
+//! | `v4l2` | `V4l2Camera`: a camera of the machine (feature `v4l2`, Linux) |
 
 mod camera_images;
 mod camera_options;
@@ -23,8 +24,12 @@ mod shared_latest;
 mod simulated_camera;
 mod simulated_firewire;
 mod test_pattern;
+#[cfg(all(feature = "v4l2", target_os = "linux"))]
+mod v4l2;
 
 pub use camera_options::{CameraOptions, Scene};
 pub use shared_latest::LatestValue;
 pub use simulated_camera::SimulatedCamera;
 pub use test_pattern::Pattern;
+#[cfg(all(feature = "v4l2", target_os = "linux"))]
+pub use v4l2::{Encoding, V4l2Camera, V4l2Options};

@@ -21,6 +21,8 @@ mod local_device;
 mod multiple_analog_sensors_devices;
 mod remote_board;
 mod robot_description;
+#[cfg(all(feature = "v4l2", target_os = "linux"))]
+mod usb_camera;
 mod virtual_analog_server;
 
 use yarp_ports::Network;
@@ -101,6 +103,8 @@ pub const DEVICE_TYPES: &[DeviceType] = &[
     device_type("simulatedCanWam", &[], "a simulated WAM arm with the effects of a real one, behind the driver of its CAN bus; homeConfirmed, effects and others", Some(SERVER), |opening| Box::pin(arms::on_simulated_bus(opening))),
     device_type("simulatedSensors", &[], "an IMU and a force/torque sensor on the arm it attaches to, or on one of its own; imu, ft, frame, mass, centre, copies", Some(SENSOR_SERVER), |opening| Box::pin(multiple_analog_sensors_devices::simulated(opening))),
     device_type("skinWrapper", &[], "serves a skin as iCub, on /ROBOT/skin/PART; robotName, period in milliseconds, ports", None, |opening| Box::pin(analog_sensor_devices::skin(opening))),
+    #[cfg(all(feature = "v4l2", target_os = "linux"))]
+    device_type("usbCamera", &[], "a camera of this machine (V4L2); d /dev/videoN, width, height, framerate, format, flip, crop, features", Some(CAMERA_SERVER), |opening| Box::pin(usb_camera::open(opening))),
     device_type("virtualAnalogServer", &[], "takes the torques of joints from another program; name, networks and a row of four numbers for each", None, |opening| Box::pin(virtual_analog_server::open(opening))),
     device_type("simulatedWam", &[], "a simulated WAM arm that moves exactly as commanded", Some(SERVER), |opening| Box::pin(arms::ideal(opening))),
 ];

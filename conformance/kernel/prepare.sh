@@ -1,19 +1,26 @@
 #!/usr/bin/env bash
-# Makes sure that QEMU is there, and in the folder $1 Debian's kernel, its CAN modules and a busybox.
+# Makes sure that QEMU is there, and in the folder $1 Debian's kernel of the package $2, a busybox, and the modules $3...
 # The kernel's package is only unpacked: installing it would make an initramfs and ask boot loaders.
 set -euo pipefail
 cache="$1"
-wanted="vmlinuz busybox can.ko can-raw.ko can-dev.ko vcan.ko"
+package="$2"
+shift 2
+modules="$*"
 
 if [ "$(id -u)" = 0 ]; then as_root=""; else as_root="sudo"; fi
 if ! command -v qemu-system-x86_64 >/dev/null; then
-    echo "can: installing QEMU"
+    echo "kernel: installing QEMU"
     $as_root apt-get update -q
     $as_root apt-get install -y -q --no-install-recommends qemu-system-x86 </dev/null
 fi
 
+# Two tests at once do not unpack into the same folder.
+mkdir -p "$cache"
+exec 9>"$cache/lock"
+flock 9
+
 whole=yes
-for file in $wanted; do [ -s "$cache/$file" ] || whole=no; done
+for file in vmlinuz busybox $(printf '%s.ko ' $modules); do [ -s "$cache/$file" ] || whole=no; done
 [ "$whole" = no ] || exit 0
 
 work="$(mktemp -d)"
@@ -21,7 +28,7 @@ trap 'rm -rf "$work"' EXIT
 cd "$work"
 
 newest_kernel() {
-    apt-cache depends linux-image-amd64 2>/dev/null | grep -o 'linux-image-[0-9][^ ]*' | head -n 1
+    apt-cache depends "$package" 2>/dev/null | grep -o 'linux-image-[0-9][^ ]*' | head -n 1
 }
 
 download() {
@@ -30,18 +37,18 @@ download() {
 
 # The lists of packages may be missing, or older than what the server still has.
 download 2>/dev/null || { $as_root apt-get update -q && download; } || {
-    echo "can: linux-image-amd64 and busybox-static cannot be downloaded; try apt-get update and the network" >&2
+    echo "kernel: $package and busybox-static cannot be downloaded; try apt-get update and the network" >&2
     exit 1
 }
-echo "can: unpacking $kernel"
-for package in *.deb; do dpkg -x "$package" unpacked; done
+echo "kernel: unpacking $kernel"
+for archive in *.deb; do dpkg -x "$archive" unpacked; done
 mkdir -p whole
 cp unpacked/boot/vmlinuz-* whole/vmlinuz
 cp unpacked/bin/busybox whole/busybox
-for module in can can-raw can-dev vcan; do
+for module in $modules; do
     found="$(find unpacked/lib/modules -name "$module.ko*" | head -n 1)"
     [ -n "$found" ] || {
-        echo "can: $kernel has no module $module" >&2
+        echo "kernel: $kernel has no module $module" >&2
         exit 1
     }
     case "$found" in
@@ -50,5 +57,6 @@ for module in can can-raw can-dev vcan; do
         *) cp "$found" "whole/$module.ko" ;;
     esac
 done
-mkdir -p "$cache"
+# Modules of another version do not fit to this kernel.
+rm -f "$cache"/*.ko
 cp whole/* "$cache/"
