@@ -17,6 +17,7 @@ mod embedded_arm_processes;
 mod encryption;
 mod existing_connections;
 mod files_others_may_read;
+mod gravity_calibration;
 mod guarded_servers;
 mod hand_commands;
 mod idle_client_timeouts;

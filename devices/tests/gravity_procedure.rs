@@ -97,11 +97,6 @@ fn an_unknown_load_is_compensated_after_a_calibration() {
     let model = WamModel::<AXES>::new();
     let mut arm = loaded(model.calibration);
     let result = calibrate(&mut arm, &model);
-    eprintln!(
-        "{result:?} {} {}",
-        sinks(model.calibration),
-        sinks(result.calibration)
-    );
     assert!(result.is_verified(), "{result:?}");
     assert!(result.before[1] > 2.0 * result.friction[1], "{result:?}");
     assert!(sinks(model.calibration) > 0.2);

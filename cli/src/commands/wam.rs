@@ -1,5 +1,7 @@
 //! `yarp wam`: what a person does beside a WAM arm.
 
+mod gravity_calibration;
+
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -58,6 +60,10 @@ enum Task {
     /// Connects to the program that drives the arm, explains how to fold it, asks, and has the driver tell the pucks where
     /// they are. Nothing moves: the arm is activated with the pendant afterwards.
     Home(HomeArgs),
+    /// Measure the moments of the gravity compensation, with all that the arm carries
+    ///
+    /// Moves the arm through twelve poses, each from both sides, for about three minutes; three of them only verify the result.
+    CalibrateGravity(gravity_calibration::Args),
     /// Print the state of the arm
     Status(BoardArgs),
     /// Press a button of the pendant of a simulated arm (`yarp up --simulation real`), or switch it off and on
@@ -104,6 +110,7 @@ struct HomeArgs {
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     match args.task {
         Task::Home(args) => home(args, out).await,
+        Task::CalibrateGravity(args) => gravity_calibration::run(args, out).await,
         Task::Press(args) => press(args, out).await,
         Task::Stop(args) => request_stop(args, software_stop::STOP, out).await,
         Task::Brake(args) => request_stop(args, software_stop::BRAKE, out).await,

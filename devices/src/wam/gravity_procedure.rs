@@ -104,3 +104,37 @@ fn hold<A: MeasuredArm>(arm: &mut A, pose: &Joints<AXES>) -> Result<HeldPose<AXE
     let below = from(-1.0)?;
     Ok(above.mean(&below))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_torque_beyond_the_friction_of_a_joint_is_not_verified() {
+        let model = WamModel::<AXES>::new();
+        let friction = Joints::from(model.friction.map(|friction| friction.coulomb));
+        let mut result = GravityResult {
+            calibration: model.calibration,
+            residual: Joints::zeros(),
+            before: Joints::zeros(),
+            verified: friction,
+            friction,
+        };
+        assert!(result.is_verified());
+        result.verified[6] += 0.01;
+        assert!(!result.is_verified());
+    }
+
+    /// Within the limits also from both sides.
+    #[test]
+    fn poses_can_be_reached() {
+        let model = WamModel::<AXES>::new();
+        let limits = model.chain.limits();
+        for pose in POSES.iter().chain(&VERIFIED) {
+            for (angle, limits) in pose.iter().zip(limits) {
+                assert!(limits.contains(angle - ANGLE_DIFFERENCE), "{pose:?}");
+                assert!(limits.contains(angle + ANGLE_DIFFERENCE), "{pose:?}");
+            }
+        }
+    }
+}

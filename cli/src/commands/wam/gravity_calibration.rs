@@ -205,7 +205,10 @@ async fn measure(
         arm.board.set_control_modes(Axes::All, &modes)?;
         let before = arm.board.reference_speeds(Axes::All)?;
         // Nobody listens any more once the command ends.
-        let measured = calibrate_gravity(&mut arm, &model, |count| drop(told.send(count)));
+        let tell = |count| {
+            let _ = told.send(count);
+        };
+        let measured = calibrate_gravity(&mut arm, &model, tell);
         if measured.is_err() {
             // The first error is the one to report.
             let _ = arm.board.stop(Axes::All);
