@@ -25,6 +25,7 @@ use yarp_wrappers::RemoteControlBoard;
 
 use super::{BoardArgs, YES, connect};
 use crate::error::{Failure, Result};
+use crate::network_access;
 use crate::signals::Interrupt;
 use crate::stdin_lines::Lines;
 
@@ -153,6 +154,8 @@ impl MeasuredArm for RemoteArm {
 }
 
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
+    let mut interrupt = Interrupt::listen();
+    network_access::follow_clock(&network_access::network()?, &mut interrupt).await?;
     let board = connect(args.board.name.clone()).await?;
     let axes = board.axes();
     if axes != AXES {
@@ -172,7 +175,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
             return Ok(ExitCode::FAILURE);
         }
     }
-    match measure(&board, args.board.name, out).await? {
+    match measure(&board, args.board.name, &mut interrupt, out).await? {
         Some(result) => finish(&result, &args.out, out),
         None => {
             writeln!(
@@ -188,9 +191,9 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
 async fn measure(
     board: &Arc<RemoteControlBoard>,
     name: String,
+    interrupt: &mut Interrupt,
     out: &mut dyn Write,
 ) -> Result<Option<GravityResult>> {
-    let mut interrupt = Interrupt::listen();
     let is_interrupted = Arc::<AtomicBool>::default();
     let (told, mut progress) = unbounded_channel();
     let mut arm = RemoteArm {
