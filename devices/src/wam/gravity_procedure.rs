@@ -5,6 +5,7 @@ use crate::kinematics::{Chain, Joints};
 use crate::wam::{AXES, WamModel};
 
 /// Poses of libbarrett's gravity calibration, rad (`calibration.conf`, `gravitycal.wam7w`).
+#[allow(clippy::approx_constant, reason = "the numbers of the file")]
 const POSES: [[f64; AXES]; 9] = [
     [0.0, -1.5708, 0.0, 1.5708, 0.0, 0.0, 0.0],
     [0.7854, -1.5708, 1.5708, 1.5708, -1.5708, 0.0, 0.0],
