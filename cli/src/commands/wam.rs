@@ -1,6 +1,6 @@
 //! `yarp wam`: what a person does beside a WAM arm.
 
-mod gravity_calibration;
+mod measure_gravity;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -63,7 +63,7 @@ enum Task {
     /// Measure the moments of the gravity compensation, with all that the arm carries
     ///
     /// Moves the arm through twelve poses, each from both sides, for about three minutes; three of them only verify the result.
-    CalibrateGravity(gravity_calibration::Args),
+    CalibrateGravity(measure_gravity::Args),
     /// Print the state of the arm
     Status(BoardArgs),
     /// Press a button of the pendant of a simulated arm (`yarp up --simulation real`), or switch it off and on
@@ -110,7 +110,7 @@ struct HomeArgs {
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     match args.task {
         Task::Home(args) => home(args, out).await,
-        Task::CalibrateGravity(args) => gravity_calibration::run(args, out).await,
+        Task::CalibrateGravity(args) => measure_gravity::run(args, out).await,
         Task::Press(args) => press(args, out).await,
         Task::Stop(args) => request_stop(args, software_stop::STOP, out).await,
         Task::Brake(args) => request_stop(args, software_stop::BRAKE, out).await,
