@@ -82,7 +82,7 @@ const BEFORE: [[f64; 7]; 5] = [
     ],
 ];
 
-/// On the machine on which they were recorded the numbers are the same to the last bit; a library with another sine has another one.
+/// Recorded before the arm had effects. A mathematical library with another sine gives other last digits.
 #[test]
 fn the_numbers_are_those_of_before() {
     let found = script(SimulatorOptions::default());
