@@ -35,7 +35,7 @@ type ContainerView = Box<dyn FnMut() -> Vec<Point3<f64>> + Send>;
 pub struct RemoteWorkcell {
     arm: Robot,
     hand: Arc<Hand>,
-    /// What the hand is carrying out while the arm moves.
+    /// The commands that the hand carries out while the arm moves.
     started: Option<JoinHandle<Result<(), DeviceError>>>,
     names: [String; 2],
     /// Seconds of the robot in a second of this machine.

@@ -153,28 +153,28 @@ fn look<W: Workcell>(
     Ok(items)
 }
 
-/// Tries to bring an object into its container, and counts that if the arm moved. `first` skips grasps. Returns also what was seen
-/// during the release.
+/// Tries to bring an object into its container, and counts that if the arm moved. `first` skips grasps. `seen` gets what
+/// the detector sees during the release.
 fn attempt<W: Workcell>(
     picker: &mut Picker<W>,
     item: &Item,
     items: &[Item],
     first: usize,
     detector: &mut dyn Detector,
+    seen: &mut Option<Seen>,
     report: &mut TidyReport,
-) -> (Result<(), PickError>, Option<Seen>) {
+) -> Result<(), PickError> {
     let others = items.iter().filter(|other| other.id != item.id);
     let others: Vec<Item> = others.cloned().collect();
     let (container, destination) = container_of(item.class);
     picker.notify(&TaskEvent::Chosen { item, destination });
-    let mut seen = None;
-    let look = || seen = Some(detector.detect());
+    let look = || *seen = Some(detector.detect());
     let outcome = picker.pick_and_place_with(item, &others, container, first, look);
     if !outcome.as_ref().is_err_and(PickError::moves_nothing) {
         report.attempts += 1;
         report.log.push((item.id, outcome.is_ok()));
     }
-    (outcome, seen)
+    outcome
 }
 
 fn run<W: Workcell>(
@@ -205,9 +205,7 @@ fn run<W: Workcell>(
                 report.left.push((item.label.clone(), why));
                 continue;
             }
-            let (outcome, then) = attempt(picker, item, &items, before, detector, report);
-            seen = then;
-            match outcome {
+            match attempt(picker, item, &items, before, detector, &mut seen, report) {
                 Ok(()) => {
                     report.released += 1;
                     progress = true;

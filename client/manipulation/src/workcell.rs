@@ -67,6 +67,8 @@ pub trait Workcell {
     fn finish_hand(&mut self) -> Result<(), WorkcellError>;
 
     /// Returns the positions of the motors of F1, F2, F3 and the spread, counts.
+    ///
+    /// Errors: the hand is carrying out what [`start_hand`](Self::start_hand) started.
     fn fingers(&mut self) -> Result<[f64; 4], WorkcellError>;
 
     /// Returns points on the surfaces that depth sensors above the containers see now, in the arm's base frame, m.

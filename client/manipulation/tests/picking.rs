@@ -802,6 +802,16 @@ fn an_arm_that_stopped_itself_is_used_again() {
     });
 }
 
+/// Its fingers were still taking the shape of the grasp when the next attempt asked for their positions, which a busy hand refuses.
+#[test]
+fn a_hand_that_is_busy_after_a_failed_attempt_is_waited_for() {
+    let mut count = 0;
+    check_stopped_arm(move |_| {
+        count += 1;
+        count == 3
+    });
+}
+
 #[test]
 fn an_object_whose_lift_is_blocked_is_put_back() {
     let (table, mut picker, item) = deaf(0, |table: &Shared| height(table) < 0.0);

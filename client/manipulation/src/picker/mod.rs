@@ -653,6 +653,9 @@ impl<W: Workcell> Picker<W> {
     /// room, and before it otherwise.
     fn approach(&mut self, item: &Item, others: &[Item], plan: &PickPlan) -> Result<(), PickError> {
         let grasp = &plan.grasp;
+        let transit = self.plan_transit(item, others, plan)?;
+        // A hand that is busy with commands of an attempt that failed does not tell its positions.
+        self.finish_hand(Step::Plan)?;
         let before = self.call(Step::Plan, Workcell::fingers)?;
         // Opening clears what the clutches reported.
         let mut lines = vec!["GO".to_owned()];
@@ -660,19 +663,13 @@ impl<W: Workcell> Picker<W> {
             lines.push(format!("SM {}", grasp.spread));
         }
         lines.push(format!("GM {}", grasp.open));
-        let planned = self.plan_transit(item, others, plan);
-        let on_the_way = planned.ok().filter(|transit| {
-            self.has_room_to_shape(transit, &before, grasp, others.iter().chain([item]))
-        });
+        let items = others.iter().chain([item]);
+        let on_the_way = self.has_room_to_shape(&transit, &before, grasp, items);
         self.start_hand(Step::Plan, lines)?;
         self.spread = grasp.spread;
-        let transit = match on_the_way {
-            Some(transit) => transit,
-            None => {
-                self.finish_hand(Step::Plan)?;
-                self.plan_transit(item, others, plan)?
-            }
-        };
+        if !on_the_way {
+            self.finish_hand(Step::Plan)?;
+        }
         self.follow(&transit, Step::PreGrasp)?;
         self.finish_hand(Step::PreGrasp)
     }
@@ -699,7 +696,7 @@ impl<W: Workcell> Picker<W> {
         self.check_stop(step)?;
         // A started command of an attempt that failed.
         self.finish_hand(step)?;
-        self.with_rests(step, |cell| cell.command_hand(line))
+        self.with_rests(step, |cell, _| cell.command_hand(line))
     }
 
     /// Starts commands of the hand, which carries them out while the arm moves.
@@ -714,24 +711,23 @@ impl<W: Workcell> Picker<W> {
     /// Waits for the end of started commands; a hand that became too hot gets all of them again when it has cooled down.
     fn finish_hand(&mut self, step: Step) -> Result<(), PickError> {
         let lines = std::mem::take(&mut self.started);
-        let mut is_first = true;
-        self.with_rests(step, |cell| {
-            if !std::mem::take(&mut is_first) {
+        self.with_rests(step, |cell, rests| {
+            if rests > 0 {
                 cell.start_hand(&lines)?;
             }
             cell.finish_hand()
         })
     }
 
-    /// Repeats commands that a hot hand refused, when it has cooled down.
+    /// Repeats commands that a hot hand refused, when it has cooled down; `command` gets the number of rests so far.
     fn with_rests<R>(
         &mut self,
         step: Step,
-        mut command: impl FnMut(&mut W) -> Result<R, WorkcellError>,
+        mut command: impl FnMut(&mut W, usize) -> Result<R, WorkcellError>,
     ) -> Result<R, PickError> {
         let mut rests = 0;
         loop {
-            match command(&mut self.cell) {
+            match command(&mut self.cell, rests) {
                 Ok(reply) => return Ok(reply),
                 // Fingers without current keep their grip.
                 Err(error) if error.is_overheated() && rests < MAX_RESTS => {

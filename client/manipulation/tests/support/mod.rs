@@ -38,6 +38,10 @@ impl Table {
         self.simulation.hand_mut().receive(b"\r");
     }
 
+    fn is_hand_busy(&self) -> bool {
+        self.simulation.hand().is_busy() || !self.hand_lines.is_empty()
+    }
+
     /// Gives the hand its next command if it has carried out the last one.
     fn give_next_line(&mut self) {
         if !self.hand_lines.is_empty() && !self.simulation.hand().is_busy() {
@@ -49,9 +53,7 @@ impl Table {
     /// Waits until the hand has carried out what it was told, and returns its output.
     fn finish_hand(&mut self) -> Result<String, WorkcellError> {
         let end = self.simulation.time() + Duration::from_secs(15);
-        let is_busy =
-            |table: &Self| table.simulation.hand().is_busy() || !table.hand_lines.is_empty();
-        while is_busy(self) && self.simulation.time() < end {
+        while self.is_hand_busy() && self.simulation.time() < end {
             self.step(0.002);
         }
         let said = self.simulation.hand_mut().take_output();
@@ -221,7 +223,15 @@ impl Workcell for SimulatedCell {
     }
 
     fn fingers(&mut self) -> Result<[f64; 4], WorkcellError> {
-        Ok(self.0.borrow().simulation.hand().positions())
+        let table = self.0.borrow();
+        // As the client of a hand: one call at a time.
+        if table.is_hand_busy() {
+            let what = "positions of a busy hand".to_owned();
+            return Err(failed("read the fingers")(DeviceError::NotSupported {
+                what,
+            }));
+        }
+        Ok(table.simulation.hand().positions())
     }
 
     fn look_into_containers(&mut self) -> Result<Vec<Point3<f64>>, WorkcellError> {
