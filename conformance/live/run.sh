@@ -36,6 +36,10 @@ fi
 echo "live: the peer is stock $peer, in $STOCK"
 
 . conformance/live/running.sh
+# What failed, which outlives the suite: who runs halves tells it of both at the end.
+failures=target/live/failures-${HALF:-both}
+mkdir -p target/live
+: >"$failures"
 # What name servers of ours keep is no business of the user's.
 export YARP_DATA_HOME=$work/data
 
@@ -60,7 +64,7 @@ suite() {
             echo "---- $title: FAILED, exit code $code"
             # A check that failed and what it found; of a suite without checks, its last words.
             grep -A 3 '^FAIL' "$work/said" | grep -v '^ok' || tail -n 6 "$work/said"
-        } >>"$work/failures"
+        } >>"$failures"
     fi
 }
 python=$STOCK/bin/python
@@ -81,6 +85,8 @@ try_programs() {
     g++ -O1 -std=c++17 -include cstdint conformance/live/typed_peer.cpp -I"$stock_package/include" \
         -L"$stock_package/lib" -lYARP_os -lYARP_sig -lYARP_init -o "$work/typed_peer"
     suite "typed messages" "$with_stock" "$python" conformance/live/typed.py target/debug/examples/typed "$work/typed_peer"
+
+    suite "applications of yarpmanager" "$python" conformance/live/applications.py "$ours" "$STOCK"
 
     suite "requests to the name server" "$python" conformance/live/name_server.py \
         --our-yarp "$ours" --stock-server "$with_stock" yarpserver
@@ -258,7 +264,7 @@ none) exit 0 ;;
 esac
 
 if [ $failed != 0 ]; then
-    tail -n 40 "$work/failures"
+    tail -n 40 "$failures"
     echo "live: $failed suites failed"
     exit 1
 fi

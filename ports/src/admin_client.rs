@@ -1,8 +1,10 @@
 //! Short conversations with a port, as the command line tools have them.
 
+use std::net::Shutdown;
 use std::time::Duration;
 
 use bytes::BytesMut;
+use socket2::SockRef;
 use yarp_wire::carrier::{Carrier, Sender, Transport};
 use yarp_wire::connection::{Initiator, Progress, ProtocolError};
 use yarp_wire::message::{Command, Payload, WireObject};
@@ -14,6 +16,9 @@ use crate::network::Network;
 use crate::socket::{self, ReadBuffer, Socket};
 use crate::transport_switch;
 use crate::version_probe;
+
+/// Maximum time for which a peer is given to end its side of a connection.
+const MAX_CLOSE_TIME: Duration = Duration::from_millis(200);
 
 /// A connection of a program that is no port itself: it sends, waits for the answer, sends again.
 #[derive(Debug)]
@@ -179,6 +184,25 @@ impl AdminClient {
             }
         }
         Ok(lines)
+    }
+
+    /// Ends the connection, and waits until the peer has ended its side: then it does not list the connection any more.
+    ///
+    /// Leaves a peer alone that does not do so within a moment.
+    pub(crate) async fn close(mut self) {
+        let Some(stream) = self.stream.tcp() else {
+            return;
+        };
+        if SockRef::from(stream).shutdown(Shutdown::Write).is_err() {
+            return;
+        }
+        let ending = async {
+            while let Ok(1..) = self.input.read(&self.stream, 0).await {
+                self.input.bytes.clear();
+            }
+        };
+        // Then it ends without the peer.
+        let _ = tokio::time::timeout(MAX_CLOSE_TIME, ending).await;
     }
 
     async fn flush(&mut self) -> Result<(), PortError> {

@@ -6,6 +6,7 @@ use yarp_wire::carrier::Carrier;
 use yarp_wire::{Bottle, Value, Vocab32, WireVersion};
 
 use crate::admin_client::AdminClient;
+use crate::error::PortError;
 use crate::network::Network;
 
 /// A word that YARP 3.x cuts to four characters.
@@ -73,7 +74,11 @@ async fn asked(
     let request = Bottle::parse(request).ok()?;
     let asking = async {
         let mut client = AdminClient::open(name, address, carrier, "admin", &network).await?;
-        client.admin(&request).await
+        let answer = client.admin(&request).await?;
+        Ok::<_, PortError>((answer, client))
     };
-    tokio::time::timeout(deadline, asking).await.ok()?.ok()
+    let (answer, client) = tokio::time::timeout(deadline, asking).await.ok()?.ok()?;
+    // Who asks the port for its connections next does not find this one.
+    client.close().await;
+    Some(answer)
 }
