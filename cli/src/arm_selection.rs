@@ -5,16 +5,9 @@ use std::io;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, ToSocketAddrs};
 use std::path::PathBuf;
 use std::str::FromStr;
-use std::sync::Arc;
 
-use yarp_devices::embedded::{
-    ARM_PORT, DriverOptions, EmbeddedWam, LinkAddresses, LinkMode, PACKET_PORT,
-};
-use yarp_devices::simulation::SimulatorOptions;
-use yarp_devices::wam::can::CanWam;
-use yarp_devices::wam::{DynamicWam, SimulatedCanWam, SimulatedWam};
-use yarp_devices::{Device, DeviceError};
-use yarp_hosting::ArmConfiguration;
+use yarp_devices::embedded::{ARM_PORT, LinkAddresses, LinkMode, PACKET_PORT};
+use yarp_hosting::{ArmKind, ConfiguredArm};
 use yarp_wire::settings::{NoSource, Origin, Parameters, Settings};
 use yarp_wire::{Bottle, Value};
 
@@ -74,50 +67,14 @@ impl fmt::Display for Arm {
 }
 
 impl Arm {
-    /// Starts the arm, with guards in front of any but the ideal simulation unless configured otherwise; `link_mode`
-    /// applies to an arm behind its embedded PC.
-    pub(crate) fn start(
-        self,
-        link_mode: LinkMode,
-        configuration: &ArmConfiguration,
-    ) -> Result<Arc<dyn Device>, DeviceError> {
-        let guarded = self != Self::Simulated;
-        let model = configuration.model.clone();
-        let arm: Arc<dyn Device> = match self {
-            Self::Simulated => Arc::new(SimulatedWam::new()),
-            Self::Dynamic => Arc::new(DynamicWam::start_with(model, configuration.simulator)?),
-            Self::SimulatedCan => {
-                let options = configuration.can.clone();
-                Arc::new(SimulatedCanWam::start(
-                    model,
-                    options,
-                    configuration.simulator,
-                )?)
-            }
-            Self::Embedded => Arc::new(EmbeddedWam::start(DriverOptions::new(link_mode))?),
-            Self::Can(interface) => {
-                let options = configuration.can.clone();
-                Arc::new(CanWam::on_interface_with(model, &interface, options)?)
-            }
-        };
-        configuration.narrow(arm.as_ref())?;
-        configuration.guard(arm, guarded)
-    }
-
-    /// Returns the default options of a simulated arm with masses.
-    fn simulator(&self) -> Option<SimulatorOptions> {
+    /// Returns the kind of arm; `link_mode` applies to an arm behind its embedded PC.
+    fn kind(&self, link_mode: LinkMode) -> ArmKind {
         match self {
-            Self::Dynamic => Some(SimulatorOptions::default()),
-            Self::SimulatedCan => Some(SimulatorOptions::real_arm()),
-            _ => None,
-        }
-    }
-
-    /// Returns the interface of an arm on a CAN bus.
-    fn bus(&self) -> Option<&str> {
-        match self {
-            Self::Can(interface) => Some(interface),
-            _ => None,
+            Self::Simulated => ArmKind::Ideal,
+            Self::Dynamic => ArmKind::Dynamic,
+            Self::SimulatedCan => ArmKind::SimulatedCan,
+            Self::Embedded => ArmKind::Embedded(link_mode),
+            Self::Can(interface) => ArmKind::Can(interface.clone()),
         }
     }
 }
@@ -125,6 +82,9 @@ impl Arm {
 /// Options for the configuration of the arm.
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct ArmArgs {
+    /// Number of joints: 4 or 7 (default 7)
+    #[arg(long, value_name = "COUNT")]
+    joints: Option<u8>,
     /// The arm on the CAN bus, real or simulated, is folded in its home pose now; confirmed by a person who looks at it
     #[arg(long)]
     home_confirmed: bool,
@@ -159,7 +119,11 @@ pub(crate) struct ArmArgs {
 
 impl ArmArgs {
     /// Returns the configuration of `arm`; options take precedence over the file.
-    pub(crate) fn configuration(&self, arm: &Arm) -> Result<ArmConfiguration, Failure> {
+    pub(crate) fn configuration(
+        &self,
+        arm: &Arm,
+        link_mode: LinkMode,
+    ) -> Result<ConfiguredArm, Failure> {
         let mut settings = Settings::new();
         if let Some(path) = &self.arm_config {
             let text = std::fs::read_to_string(path).map_err(|error| {
@@ -182,6 +146,9 @@ impl ArmArgs {
                 settings.put(name, "true", &origin);
             }
         }
+        if let Some(joints) = self.joints {
+            settings.put("joints", i32::from(joints), &origin);
+        }
         if let Some(path) = &self.zero_calibration {
             settings.put("zeroCalibration", path.as_str(), &origin);
         }
@@ -198,10 +165,7 @@ impl ArmArgs {
             settings.put("payload", Value::List(numbers), &origin);
         }
         let parameters = Parameters::new(&arm.to_string(), settings, origin);
-        let mut configuration = ArmConfiguration::from_parameters(&parameters, arm.bus())?;
-        if let Some(default) = arm.simulator() {
-            configuration = configuration.with_simulator(&parameters, default)?;
-        }
+        let configuration = ConfiguredArm::from_parameters(arm.kind(link_mode), &parameters)?;
         if let Some((name, origin)) = parameters.unused().next() {
             let expected = format!("{origin}: the arm has no parameter {name}");
             return Err(Failure::ArmFile(io::Error::new(

@@ -35,6 +35,26 @@ fn a_device_is_served_until_a_signal() {
     assert_eq!(home.names(), Vec::<String>::new());
 }
 
+/// The program ends with the service of its device, as stock's `yarpdev` does: the pipe ends when its sink is full.
+#[test]
+fn the_program_runs_a_service_and_ends_with_it() {
+    let home = Home::new();
+    let _server = home.serve();
+    let folder = home.path().join("images");
+    let line = format!(
+        "dev --device pipe --source fakeFrameGrabber --sink imageFolderWriter --folder {} --freq 100 --max_images 3 --name /pipe",
+        folder.display()
+    );
+    let ended = home.run(&line).with(1);
+    ended.complains("the service of pipe failed: image 4 is refused, expected at most 3 images");
+    assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 3);
+    assert_eq!(home.names(), Vec::<String>::new());
+    let dev = home
+        .start("dev --device group --part eye --eye::device fakeMicrophone --name /group")
+        .see(ACTIVE);
+    dev.signal("TERM").finish().with(0);
+}
+
 /// Waits until the name server knows the name, and returns at once then.
 fn wait_for_name(server: u16, name: &str) {
     let mut stream = TcpStream::connect(("127.0.0.1", server)).unwrap();

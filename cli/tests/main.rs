@@ -25,6 +25,7 @@ mod keys_and_roles;
 mod killed_readers_and_writers;
 mod latency_test_command;
 mod log_forwarding;
+mod manager_command;
 mod name_conflicts;
 mod name_server_failures;
 mod name_server_kill_durability;

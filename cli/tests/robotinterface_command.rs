@@ -7,6 +7,7 @@ use crate::common;
 use std::process::Command;
 
 use common::Home;
+use yarp_testing::eventually;
 
 const RUNNING: &str = "running happily";
 
@@ -134,6 +135,35 @@ fn a_robot_in_xml() {
         ("server.xml", SERVER),
     ]);
     lives(&home, "robot.xml");
+}
+
+/// A service that fails does not end the robot, but its exit code tells.
+#[test]
+fn a_service_that_fails_is_reported_at_the_end() {
+    let text = r#"<robot name="one" portprefix="one">
+<device name="recorder" type="pipe">
+  <param name="source">fakeFrameGrabber</param> <param name="sink">imageFolderWriter</param>
+  <param name="folder">FOLDER</param> <param name="freq">20</param> <param name="max_images">20</param>
+</device>
+</robot>"#;
+    let home = Home::new();
+    let folder = home.path().join("images").display().to_string();
+    let file = home.path().join("robot.xml");
+    std::fs::write(&file, text.replace("FOLDER", &folder)).unwrap();
+    let _server = home.serve();
+    let robot = home
+        .start(&format!("robotinterface --config {}", file.display()))
+        .see(RUNNING);
+    eventually("the error of the service", || {
+        let failed = "the service of recorder failed: image 21 is refused";
+        robot.logged().iter().any(|line| line.contains(failed))
+    });
+    assert!(
+        home.run_with("rpc /one/yarprobotinterface", "is_ready\n")
+            .says("[ok]"),
+        "the robot goes on"
+    );
+    robot.signal("TERM").finish().with(1);
 }
 
 #[test]

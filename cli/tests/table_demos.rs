@@ -285,7 +285,7 @@ fn a_vision_process_that_is_killed_and_started_again_is_asked_again() {
     assert_eq!(value(&ended, "released"), "2", "{ended:?}");
 }
 
-/// What is in the hand is placed first: nobody needs to see for that.
+/// The object in the hand is placed first: that needs no vision.
 #[cfg(feature = "vision")]
 #[test]
 fn a_vision_process_that_is_killed_ends_the_demo_with_its_name() {
@@ -297,6 +297,31 @@ fn a_vision_process_that_is_killed_ends_the_demo_with_its_name() {
     let error = value(&ended, "error");
     assert!(error.contains("/lab/vision"), "{ended:?}");
     assert_eq!(value(&ended, "released"), "1", "{ended:?}");
+}
+
+/// The second signal halts at once: without vision the demo waits for 20 s, and ends with an error then.
+#[cfg(feature = "vision")]
+#[test]
+fn a_demo_that_waits_for_vision_ends_at_the_second_signal() {
+    let _turn = turn();
+    let home = Home::new();
+    let lab = SeeingLab::start(&home);
+    lab.vision.kill();
+    let waits = |demo: &Running| {
+        let logged = demo.logged();
+        logged.iter().any(|line| line.contains("does not answer"))
+    };
+    let end = Instant::now() + DEMO_TIMEOUT;
+    while !waits(&lab.demo) {
+        assert!(Instant::now() < end, "{:?}", lab.demo.logged());
+        std::thread::sleep(LOOK_INTERVAL);
+    }
+    let demo = lab.demo.signal("INT");
+    // Two signals within two seconds are one, as `timeout` sends them.
+    std::thread::sleep(Duration::from_millis(2500));
+    let ended = end_of(demo.signal("INT"));
+    assert_eq!(value(&ended, "stopped"), "true", "{ended:?}");
+    assert_eq!(value(&ended, "error"), "null", "{ended:?}");
 }
 
 /// Returns the error with which a demo ends.
@@ -371,4 +396,24 @@ fn rendering_and_physics_are_measured() {
         is_below(rest) && render.matches("\"passed\":true").count() == 2
     );
     ended.with(i32::from(!passed));
+}
+
+/// A lost frame of the arm's bus at any moment, on average every two seconds: nothing falls, and the table gets tidy.
+#[test]
+fn frames_that_the_bus_of_the_arm_loses_disturb_nothing() {
+    let _turn = turn();
+    let home = Home::new();
+    let demo = home.start(
+        "demo tidy --objects 2 --seed 9 --detector truth --simulation bus --lost-frames 1e-4 --json",
+    );
+    let ended = end_of(demo);
+    for (key, expected) in [
+        ("placed", "2"),
+        ("dropped", "0"),
+        ("lost", "0"),
+        ("error", "null"),
+    ] {
+        assert_eq!(value(&ended, key), expected, "{key}: {ended:?}");
+    }
+    assert_ne!(value(&ended, "lost_frames"), "0", "{ended:?}");
 }

@@ -83,6 +83,25 @@ fn with_an_arm_that_has_masses_and_friction() {
 }
 
 #[test]
+fn with_an_arm_without_a_wrist() {
+    let home = Home::new();
+    let up = home
+        .start("up --joints 4 --simulation dynamic --cartesian")
+        .see("Ctrl-C ends it.");
+    let axes = home.run_with("rpc /wam/rpc:i", "[get] [axes]\n").with(0);
+    assert!(axes.says("[is] [axes] 4"), "{axes:?}");
+    let asked = home.run_with("rpc /cartController/wam/rpc:i", "[get] [dof]\n");
+    assert!(asked.with(0).says("[ack] (1 1 1 1)"));
+    let ended = up.signal("TERM").finish().with(0);
+    assert!(
+        ended.says("Simulated WAM arm /wam, four joints"),
+        "{ended:?}"
+    );
+    let refused = home.run("up --joints 6").with(1);
+    assert!(refused.err[0].contains("expected 4 or 7"), "{refused:?}");
+}
+
+#[test]
 fn with_an_arm_that_is_brought_up_like_a_real_one() {
     let home = Home::new();
     let up = home

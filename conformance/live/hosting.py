@@ -31,6 +31,20 @@ period 20                            // milliseconds
 Max 50 60 70
 Min = -50 -60 -70
 """
+GROUP = """
+device group
+name /hosted
+part arm server
+[arm]
+device fakeMotionControl
+GENERAL (Joints 3) (AxisName a b c)
+LIMITS (Max 50 60 70) (Min -50 -60 -70)
+[server]
+device controlboardwrapper2
+subdevice arm                        // the part of this name
+name /hosted
+period 20
+"""
 GENERAL = "Joints 3\nAxisName a b c\n"
 XML = """<?xml version="1.0" encoding="UTF-8" ?>
 <!DOCTYPE robot PUBLIC "-//YARP//DTD yarprobotinterface 3.0//EN" "http://www.yarp.it/DTD/yarprobotinterfaceV3.0.dtd">
@@ -187,13 +201,15 @@ def main():
     ours = sys.argv[1]
     yarp.Network.init()
     with tempfile.TemporaryDirectory() as folder:
-        for name, text in [("arm.ini", INI), ("general.ini", GENERAL), ("robot.xml", XML), ("arm.xml", ARM_XML), ("both.xml", BOTH)]:
+        for name, text in [("arm.ini", INI), ("general.ini", GENERAL), ("robot.xml", XML), ("arm.xml", ARM_XML), ("both.xml", BOTH),
+                           ("group.ini", GROUP)]:
             with open(f"{folder}/{name}", "w") as file:
                 file.write(text)
         terminate = lambda program: program.send_signal(signal.SIGTERM)
         rows = [
             ("ini file", ["yarpdev"], [ours, "dev"], ["--from", "arm.ini"], "/hosted/quit",
              [("/hosted/quit", "hello")], lambda program: same("quit", ask("/hosted/quit", "quit"), "[ok]")),
+            ("group", ["yarpdev"], [ours, "dev"], ["--from", "group.ini"], "/hosted/quit", [("/hosted/quit", "hello")], terminate),
             ("command line", ["yarpdev"], [ours, "dev"],
              ["--device", "fakeMotionControl", "--name", "/hosted", "--GENERAL::Joints", "3", "--LIMITS::Max", "50", "60", "70",
               "--LIMITS::Min", "-50", "-60", "-70"], "/hosted/quit", [], terminate),

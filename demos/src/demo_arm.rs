@@ -1,17 +1,11 @@
 //! The simulated arms that the experiments can be repeated on.
 
 use std::sync::Arc;
-use std::time::{Duration, Instant};
 
-use yarp_devices::simulation::{SafetyMode, SimulatorOptions};
+use yarp_devices::simulation::SimulatorOptions;
 use yarp_devices::wam::can::CanOptions;
-use yarp_devices::wam::{DynamicWam, PendantButton, SimulatedCanWam, WamModel};
+use yarp_devices::wam::{DynamicWam, SimulatedCanWam, WamModel};
 use yarp_devices::{Device, DeviceError};
-
-/// Timeout of the activation.
-const ACTIVATION_TIMEOUT: Duration = Duration::from_secs(10);
-/// Interval between looks at the state of the arm.
-const POLL_INTERVAL: Duration = Duration::from_millis(20);
 
 /// A simulated arm.
 #[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
@@ -44,12 +38,7 @@ impl DemoArm {
             ..CanOptions::default()
         };
         let arm = SimulatedCanWam::start(WamModel::<7>::new(), options, self.options())?;
-        arm.press(PendantButton::Activate);
-        let deadline = Instant::now() + ACTIVATION_TIMEOUT;
-        while arm.driver().status().safety != Some(SafetyMode::Active) && Instant::now() < deadline
-        {
-            std::thread::sleep(POLL_INTERVAL);
-        }
+        arm.activate()?;
         Ok(Arc::new(arm))
     }
 }

@@ -1,10 +1,14 @@
-//! Bundles the three-dimensional part of the page with esbuild, if its packages are installed.
+//! Bundles the three-dimensional part of the page with esbuild, if its packages are installed, and compresses it.
 //!
 //! `npm ci` in `web/` installs them (`make setup` does it). Without them the page is built without 3D and says so. Nothing is downloaded here.
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::{env, fs};
+
+use flate2::Compression;
+use flate2::write::GzEncoder;
 
 /// Command of the bundler, relative to `web/`.
 const BUNDLER: &str = "node_modules/.bin/esbuild";
@@ -12,12 +16,18 @@ const BUNDLER: &str = "node_modules/.bin/esbuild";
 fn main() {
     println!("cargo:rustc-check-cfg=cfg(scene_bundled)");
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR")).join("scene.js");
+    bundle(&out);
+    compress(&out);
+}
+
+/// Writes the bundle to `out`, or nothing.
+fn bundle(out: &Path) {
     let web = Path::new("web");
     // A file that is missing would let cargo run this at each build, a folder with many files makes it slow.
     let installed = web.join("node_modules/.package-lock.json");
     if !installed.exists() {
         println!("cargo:rerun-if-changed=web");
-        write_fallback(&out, "the packages of demos/view/web are not installed");
+        write_fallback(out, "the packages of demos/view/web are not installed");
         return;
     }
     println!("cargo:rerun-if-changed=web/scene");
@@ -33,9 +43,18 @@ fn main() {
         .status();
     match bundled {
         Ok(status) if status.success() => println!("cargo:rustc-cfg=scene_bundled"),
-        Ok(status) => write_fallback(&out, &format!("esbuild failed: {status}")),
-        Err(error) => write_fallback(&out, &format!("cannot run esbuild: {error}")),
+        Ok(status) => write_fallback(out, &format!("esbuild failed: {status}")),
+        Err(error) => write_fallback(out, &format!("cannot run esbuild: {error}")),
     }
+}
+
+/// Writes a compressed copy beside a file.
+fn compress(path: &Path) {
+    let text = fs::read(path).expect("the bundle was written");
+    let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
+    encoder.write_all(&text).expect("memory can be written");
+    let compressed = encoder.finish().expect("memory can be written");
+    fs::write(path.with_extension("js.gz"), compressed).expect("OUT_DIR can be written");
 }
 
 fn write_fallback(out: &Path, reason: &str) {

@@ -14,50 +14,34 @@ mod can;
 mod kernel;
 
 #[cfg(target_os = "linux")]
-fn main() -> std::process::ExitCode {
-    use std::panic::{AssertUnwindSafe, catch_unwind};
-    use std::process::ExitCode;
+#[path = "verdict/mod.rs"]
+mod verdict;
 
+#[cfg(target_os = "linux")]
+fn main() -> std::process::ExitCode {
     let Some(interface) = std::env::args().nth(1) else {
         eprintln!("usage: arm_on_vcan INTERFACE (a vcan that is there)");
-        return ExitCode::from(2);
+        return std::process::ExitCode::from(2);
     };
-    let mut failed = Vec::new();
+    let mut verdict = verdict::Verdict::default();
+    let mut run = |name: &str, scenario: &dyn Fn(&dyn can::Rig)| {
+        verdict.run(name, || {
+            let rig = kernel::Kernel::start(&interface);
+            scenario(&rig);
+        });
+    };
     let scenarios = can::scenarios::ALL
         .into_iter()
         .chain([kernel::NOISE, kernel::RATE]);
-    let mut count = 0;
-    let mut run = |name: String, scenario: &dyn Fn(&dyn can::Rig)| {
-        count += 1;
-        println!("{name} ...");
-        let whole = catch_unwind(AssertUnwindSafe(|| {
-            let rig = kernel::Kernel::start(&interface);
-            scenario(&rig);
-        }));
-        println!("{name} {}", if whole.is_ok() { "ok" } else { "FAILED" });
-        if whole.is_err() {
-            failed.push(name);
-        }
-    };
     for (name, scenario) in scenarios {
-        run(name.to_owned(), &scenario);
+        run(name, &scenario);
     }
     for seed in can::histories::seeds(2) {
         let record = std::env::temp_dir().join(format!("history{seed}"));
         let live = |rig: &dyn can::Rig| can::histories::live(rig, seed, record.clone());
-        run(format!("history {seed}"), &live);
+        run(&format!("history {seed}"), &live);
     }
-    if failed.is_empty() {
-        println!("VERDICT: all {count} scenarios hold");
-        ExitCode::SUCCESS
-    } else {
-        println!(
-            "VERDICT: {} of {count} failed: {}",
-            failed.len(),
-            failed.join(", ")
-        );
-        ExitCode::FAILURE
-    }
+    verdict.end()
 }
 
 #[cfg(not(target_os = "linux"))]

@@ -14,35 +14,20 @@ mod scenarios;
 mod vivid_controls;
 
 #[cfg(target_os = "linux")]
-fn main() -> std::process::ExitCode {
-    use std::panic::{AssertUnwindSafe, catch_unwind};
-    use std::process::ExitCode;
+#[path = "verdict/mod.rs"]
+mod verdict;
 
+#[cfg(target_os = "linux")]
+fn main() -> std::process::ExitCode {
     let Some(device) = std::env::args().nth(1) else {
         eprintln!("usage: camera_on_vivid DEVICE (of the kernel's module vivid)");
-        return ExitCode::from(2);
+        return std::process::ExitCode::from(2);
     };
-    let mut failed = Vec::new();
+    let mut verdict = verdict::Verdict::default();
     for (name, scenario) in scenarios::ALL {
-        println!("{name} ...");
-        let whole = catch_unwind(AssertUnwindSafe(|| scenario(&device)));
-        println!("{name} {}", if whole.is_ok() { "ok" } else { "FAILED" });
-        if whole.is_err() {
-            failed.push(*name);
-        }
+        verdict.run(name, || scenario(&device));
     }
-    let count = scenarios::ALL.len();
-    if failed.is_empty() {
-        println!("VERDICT: all {count} scenarios hold");
-        ExitCode::SUCCESS
-    } else {
-        println!(
-            "VERDICT: {} of {count} failed: {}",
-            failed.len(),
-            failed.join(", ")
-        );
-        ExitCode::FAILURE
-    }
+    verdict.end()
 }
 
 #[cfg(not(target_os = "linux"))]

@@ -245,8 +245,8 @@ impl DeviceError {
     }
 }
 
-/// An error and its sources, on one line.
-fn chain(error: &dyn Error) -> String {
+/// Returns an error and its sources, on one line.
+pub(crate) fn chain(error: &dyn Error) -> String {
     match error.source() {
         Some(source) => format!("{error}: {}", chain(source)),
         None => error.to_string(),

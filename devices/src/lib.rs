@@ -4,7 +4,7 @@
 //! * [`Device`]: which of the interfaces a device has.
 //! * [`can`]: the CAN bus, and the frames of Barrett's pucks.
 //! * [`fake`]: simulated axes, as pure models without clock or thread.
-//! * [`wam`]: the seven-joint WAM arm: simulated, ideal or with masses, friction and control; or real, over CAN.
+//! * [`wam`]: the WAM arm: simulated, ideal or with masses, friction and control; or real, over CAN.
 //! * [`kinematics`], [`dynamics`], [`trajectory`], [`simulation`]: the mathematics of an arm, in radians.
 //! * [`hand`]: the BarrettHand on its serial line, and a simulated one at the other end of such a line.
 //! * [`cartesian`]: a controller of the tool of any such arm.
@@ -12,6 +12,7 @@
 //! * [`embedded`]: the arm behind its embedded PC, driver and server.
 //! * [`remapper`]: several devices seen as one control board, or a part of one.
 //! * [`sensors`]: simulated sensors of an arm, and sensors of several devices as one.
+//! * [`services`]: devices that pass images and sound on, or stand for several.
 //! * [`guard`]: limits and a watchdog around any device.
 //! * [`clock`]: the time of day. [`pseudo_random`]: numbers that are the same for the same seed.
 //!   [`periodic_timer`]: deadlines at equal distances.
@@ -64,6 +65,8 @@ pub mod hand;
 pub mod iface;
 pub mod image;
 #[cfg(feature = "barrett")]
+mod inheriting_mutex;
+#[cfg(feature = "barrett")]
 pub mod kinematics;
 pub mod periodic_timer;
 pub mod pseudo_random;
@@ -72,6 +75,7 @@ pub mod real_time;
 pub mod remapper;
 #[cfg(feature = "barrett")]
 pub mod sensors;
+pub mod services;
 #[cfg(feature = "barrett")]
 pub mod simulation;
 #[cfg(feature = "barrett")]

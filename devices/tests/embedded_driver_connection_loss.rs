@@ -190,7 +190,7 @@ fn a_peer_that_falls_silent_is_left() {
     eventually("a broken connection", || driver.link().failures > 0);
     let failure = driver.link().last_failure.expect("it says why");
     assert!(
-        failure.contains("(gra)") && failure.contains("no data"),
+        failure.contains("(gja)") && failure.contains("no data"),
         "{failure}"
     );
     drop((driver, silent));

@@ -6,7 +6,7 @@ use yarp_devices::dynamics::{Body, GravityCalibration, HeldPose};
 use yarp_devices::kinematics::Joints;
 use yarp_devices::simulation::SimulatorOptions;
 use yarp_devices::wam::{
-    AXES, DynamicArm, GravityResult, MeasuredArm, WamModel, calibrate_gravity, gravity_poses,
+    DynamicArm, GravityResult, MeasuredArm, WamModel, calibrate_gravity, gravity_poses,
 };
 use yarp_devices::{Axes, Mode};
 
@@ -14,9 +14,9 @@ use yarp_devices::{Axes, Mode};
 const RATE: usize = 500;
 
 /// A simulated arm whose time passes as it is asked.
-struct Stepped(DynamicArm);
+struct Stepped<const N: usize>(DynamicArm<N>);
 
-impl Stepped {
+impl<const N: usize> Stepped<N> {
     fn wait(&mut self, seconds: usize) {
         for _ in 0..seconds * RATE {
             self.0.tick();
@@ -24,12 +24,12 @@ impl Stepped {
     }
 }
 
-impl MeasuredArm for Stepped {
+impl<const N: usize> MeasuredArm<N> for Stepped<N> {
     type Error = Infallible;
 
-    fn move_to(&mut self, joints: &Joints<AXES>, speed: f64) -> Result<(), Infallible> {
+    fn move_to(&mut self, joints: &Joints<N>, speed: f64) -> Result<(), Infallible> {
         let degrees = joints.map(f64::to_degrees);
-        let speeds = [speed.to_degrees(); AXES];
+        let speeds = [speed.to_degrees(); N];
         let points = self.0.set_points_mut();
         points.set_reference_speeds(Axes::All, &speeds).unwrap();
         self.0.position_move(Axes::All, degrees.as_slice()).unwrap();
@@ -41,12 +41,12 @@ impl MeasuredArm for Stepped {
         Ok(())
     }
 
-    fn measure(&mut self) -> Result<HeldPose<AXES>, Infallible> {
+    fn measure(&mut self) -> Result<HeldPose<N>, Infallible> {
         self.wait(2);
         let (mut joints, mut torques) = (Joints::zeros(), Joints::zeros());
         for _ in 0..RATE {
             self.0.tick();
-            for joint in 0..AXES {
+            for joint in 0..N {
                 joints[joint] += self.0.state(joint.into()).unwrap().position.to_radians();
             }
             torques += Joints::from_iterator(self.0.torques(Axes::All).unwrap());
@@ -60,17 +60,20 @@ impl MeasuredArm for Stepped {
 }
 
 /// Returns an arm with a load of 1.2 kg that its gravity compensation does not know.
-fn loaded(calibration: GravityCalibration<AXES>) -> Stepped {
-    let mut model = WamModel::<AXES>::new().with_load(Body::point(1.2, [0.0, 0.0, 0.06].into()));
+fn loaded<const N: usize>(calibration: GravityCalibration<N>) -> Stepped<N>
+where
+    WamModel<N>: Default,
+{
+    let mut model = WamModel::<N>::default().with_load(Body::point(1.2, [0.0, 0.0, 0.06].into()));
     model.calibration = calibration;
     let mut arm = DynamicArm::new(model, SimulatorOptions::default());
     arm.safety_mut().press_activate();
-    arm.set_control_modes(Axes::All, &[Mode::Position; AXES])
+    arm.set_control_modes(Axes::All, &[Mode::Position; N])
         .unwrap();
     Stepped(arm)
 }
 
-fn calibrate(arm: &mut Stepped, model: &WamModel<AXES>) -> GravityResult {
+fn calibrate<const N: usize>(arm: &mut Stepped<N>, model: &WamModel<N>) -> GravityResult<N> {
     let mut done = 0;
     let result = calibrate_gravity(arm, model, |count| done = count).unwrap();
     assert_eq!(done, gravity_poses());
@@ -78,27 +81,43 @@ fn calibrate(arm: &mut Stepped, model: &WamModel<AXES>) -> GravityResult {
 }
 
 /// Returns how far the joints sink in two seconds with no torque but that of the compensation, rad.
-fn sinks(calibration: GravityCalibration<AXES>) -> f64 {
+fn sinks<const N: usize>(calibration: GravityCalibration<N>) -> f64
+where
+    WamModel<N>: Default,
+{
     let mut arm = loaded(calibration);
-    let pose = Joints::from([0.0, 0.8, 0.0, 1.2, 0.0, 0.3, 0.0]);
+    let pose = [0.0, 0.8, 0.0, 1.2, 0.0, 0.3, 0.0];
+    let pose = Joints::<N>::from_fn(|joint, _| pose[joint]);
     arm.0.place(&pose);
     arm.0
-        .set_control_modes(Axes::All, &[Mode::Torque; AXES])
+        .set_control_modes(Axes::All, &[Mode::Torque; N])
         .unwrap();
     arm.wait(2);
     let place = |joint: usize| arm.0.state(joint.into()).unwrap().position.to_radians();
-    (0..AXES)
+    (0..N)
         .map(|joint| (place(joint) - pose[joint]).abs())
         .fold(0.0, f64::max)
 }
 
-#[test]
-fn an_unknown_load_is_compensated_after_a_calibration() {
-    let model = WamModel::<AXES>::new();
+fn an_unknown_load_is_compensated<const N: usize>()
+where
+    WamModel<N>: Default,
+{
+    let model = WamModel::<N>::default();
     let mut arm = loaded(model.calibration);
     let result = calibrate(&mut arm, &model);
     assert!(result.is_verified(), "{result:?}");
     assert!(result.before[1] > 2.0 * result.friction[1], "{result:?}");
     assert!(sinks(model.calibration) > 0.2);
     assert!(sinks(result.calibration) < 0.02);
+}
+
+#[test]
+fn an_unknown_load_is_compensated_after_a_calibration() {
+    an_unknown_load_is_compensated::<7>();
+}
+
+#[test]
+fn an_unknown_load_of_an_arm_without_a_wrist_is_compensated_after_a_calibration() {
+    an_unknown_load_is_compensated::<4>();
 }

@@ -64,8 +64,8 @@ fn check_jacobian<const N: usize>(chain: &Chain<N>, angles: Joints<N>) {
 
 fn four() -> Chain<4> {
     // The description follows Barrett's manual, where the outer link is 0.35 m long.
-    let arm = WamModel::<4>::new().with_tool(Pose::translation(0.0, 0.0, 0.35));
-    arm.chain
+    let end = Pose::translation(0.0, 0.0, 0.35);
+    WamModel::<4>::new().chain.with_tool(end)
 }
 
 proptest! {

@@ -37,6 +37,7 @@ mod embedded_node_client_loss;
 mod embedded_noise;
 mod embedded_several_clients;
 mod finger_kinematics;
+mod four_joint_arms;
 mod gravity_procedure;
 mod guards;
 mod guards_by_default;

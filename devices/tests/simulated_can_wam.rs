@@ -2,6 +2,8 @@
 
 use std::time::Duration;
 
+use nalgebra::{Matrix3, Vector3};
+use yarp_devices::dynamics::Body;
 use yarp_devices::simulation::{SafetyMode, SimulatorOptions};
 use yarp_devices::wam::can::CanOptions;
 use yarp_devices::wam::{PendantButton, SimulatedCanWam, WamModel};
@@ -134,4 +136,27 @@ fn an_arm_that_is_switched_off_answers_nothing_and_starts_anew() {
     });
     confirm_home(&arm);
     assert!((elbow(&arm).unwrap() - 3.13_f64.to_degrees()).abs() < 2.0);
+}
+
+/// It sank by 32 degrees while the pucks woke, and the driver believed that it was at home.
+#[test]
+fn a_wrist_with_a_hand_is_held_at_home_until_the_driver_knows_where_it_is() {
+    let hand = Body {
+        mass: 1.2,
+        centre: Vector3::new(0.0, 0.0, 0.06),
+        inertia: Matrix3::identity() * 0.002,
+    };
+    let options = CanOptions {
+        home_confirmed: true,
+        ..CanOptions::default()
+    };
+    let model = WamModel::<7>::new().with_load(hand);
+    let arm = SimulatedCanWam::start(model, options, SimulatorOptions::real_arm()).unwrap();
+    arm.activate().unwrap();
+    let believed = arm.driver().encoder_readings(Axes::All).unwrap();
+    let truth = arm.with_pucks(|pucks| pucks.simulator().angles());
+    for (joint, reading) in believed.iter().enumerate() {
+        let off = reading.position.to_radians() - truth[joint];
+        assert!(off.abs() < 0.05, "joint {joint}: {off} rad");
+    }
 }

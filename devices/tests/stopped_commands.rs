@@ -121,12 +121,15 @@ const CALIBRATION: [Command; 6] = [
     }),
 ];
 
-const MACHINE: [Command; 4] = [
+const MACHINE: [Command; 5] = [
     ("enable_amplifiers", |arm| {
         get!(arm.amplifier_control).enable_amplifiers(ELBOW, true)
     }),
     ("set_amplifier_limit", |arm| {
         get!(arm.amplifier_control).set_amplifier_limit(AmplifierLimit::MaxCurrent, AXIS, 1.0)
+    }),
+    ("load_boot_memory", |arm| {
+        get!(arm.control_debug).load_boot_memory()
     }),
     ("set_manual_brake", |arm| {
         get!(arm.joint_brake).set_manual_brake(AXIS, false)

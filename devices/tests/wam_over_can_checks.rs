@@ -16,17 +16,7 @@ const ELBOW: Axes<'static> = Axes::One(AxisIndex::new(3));
 /// Behaviours without exact places hold for this arm as for any device.
 #[test]
 fn keeps_the_contracts_that_need_no_exact_place() {
-    for check in [
-        checks::axes_have_names,
-        checks::readings_carry_fresh_times,
-        checks::a_malformed_command_is_refused,
-        checks::references_are_kept,
-        checks::too_hard_is_as_hard_as_it_can,
-        checks::modes_are_kept,
-        checks::limits_are_kept,
-        checks::interactions_are_kept,
-        checks::impedance_is_kept,
-    ] {
+    for check in checks::WITHOUT_EXACT_PLACES {
         let rig = Memory::new();
         check(&active(&rig), TEST_TIMEOUT);
     }

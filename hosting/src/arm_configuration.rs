@@ -2,18 +2,19 @@
 //!
 //! | parameter | value |
 //! | --- | --- |
+//! | `joints` | 4 or 7, default 7; lists below have a number for each joint |
 //! | `homeConfirmed` | the arm is folded in its home pose now; CAN bus only |
 //! | `zeroCalibration` | path of libbarrett's `zerocal.conf`: home pose and angles of the rotors |
-//! | `homeMarks` | `MECH` of the seven pucks at home, instead of the angles of that file |
+//! | `homeMarks` | `MECH` of each puck at home, instead of the angles of that file |
 //! | `positionFile` | path for the last known position, or `none`; default in the user's state directory |
 //! | `payload` | mass and centre at the tool plate, kg and m: `(1.2 0 0 0.06)` |
 //! | `tool` | place of the tool in the frame of the tool plate, m: `(0 0 0.12)` |
-//! | `gravityMoments` | `mu` of libbarrett's gravity calibration: 21 numbers, kg m |
-//! | `jointToMotor` | transmission, 49 numbers, motor by motor: `j2mp` of libbarrett |
-//! | `jointMin`, `jointMax` | position limits, seven numbers each, degrees; within those of the arm |
-//! | `positionKp`, `positionKi`, `positionKd` | gains of the position loops, seven numbers each, Nm per rad, as in libbarrett |
-//! | `maxTorques` | torque limits of the joints, seven numbers, Nm |
-//! | `stallTorques` | torques of the position loops at which joints stall, seven numbers, Nm; default those of owd |
+//! | `gravityMoments` | `mu` of libbarrett's gravity calibration: three numbers for each joint, kg m |
+//! | `jointToMotor` | transmission, a number for each joint, motor by motor: `j2mp` of libbarrett |
+//! | `jointMin`, `jointMax` | position limits, degrees; within those of the arm |
+//! | `positionKp`, `positionKi`, `positionKd` | gains of the position loops, Nm per rad, as in libbarrett |
+//! | `maxTorques` | torque limits of the joints, Nm |
+//! | `stallTorques` | torques of the position loops at which joints stall, Nm; default those of owd |
 //! | `stallError` | distance from the set point at which a joint stalls, degrees; default 10 |
 //! | `stallTime` | time for which a joint shows one of these without getting on, s; default 0.2 |
 //! | `noStallDetection` | no joint is stopped because it stalls |
@@ -42,10 +43,9 @@ use yarp_devices::{Device, DeviceError, Limits};
 use yarp_wire::settings::Parameters;
 
 use crate::HostError;
+use crate::shared_parameters::{flag, numbers, numbers_of};
 use crate::simulator_configuration::simulator_options;
 
-/// Number of joints.
-const AXES: usize = 7;
 /// Maximum payload, kg (Barrett's data sheet of the arm with four joints), and distance of its centre, m.
 const MAX_PAYLOAD: f64 = 4.0;
 const MAX_PAYLOAD_DISTANCE: f64 = 1.0;
@@ -55,14 +55,14 @@ const MAX_STALL_TIME: Duration = Duration::from_secs(10);
 /// Maximum length of a tool, m.
 const MAX_TOOL: f64 = 2.0;
 
-/// Configuration of an arm with seven joints.
+/// Configuration of an arm with `N` joints.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
-pub struct ArmConfiguration {
+pub struct ArmConfiguration<const N: usize> {
     /// Model of the arm with its payload and tool.
-    pub model: WamModel<AXES>,
+    pub model: WamModel<N>,
     /// Options of the driver on the CAN bus.
-    pub can: CanOptions,
+    pub can: CanOptions<N>,
     /// Options of a simulated arm: those of [`with_simulator`](Self::with_simulator).
     pub simulator: SimulatorOptions,
     guards: GuardConfiguration,
@@ -76,13 +76,16 @@ struct GuardConfiguration {
     effort_timeout: Duration,
 }
 
-impl ArmConfiguration {
+impl<const N: usize> ArmConfiguration<N> {
     /// Reads the parameters of an arm; `bus` is the interface of an arm on a CAN bus, after which its default position
     /// file is named.
     ///
     /// Errors: [`HostError::Parameter`] with the position of the parameter and the expected value.
-    pub fn from_parameters(parameters: &Parameters, bus: Option<&str>) -> Result<Self, HostError> {
-        let mut model = WamModel::<AXES>::new();
+    pub fn from_parameters(parameters: &Parameters, bus: Option<&str>) -> Result<Self, HostError>
+    where
+        WamModel<N>: Default,
+    {
+        let mut model = WamModel::<N>::default();
         let mut can = CanOptions {
             home_confirmed: flag(parameters, "homeConfirmed")?,
             position_file: position_file(parameters, bus)?,
@@ -100,7 +103,7 @@ impl ArmConfiguration {
         if let Some(marks) = parameters.list::<usize>("homeMarks")? {
             let marks: Option<Vec<i32>> = marks.iter().map(|&mark| mark.try_into().ok()).collect();
             let marks = marks.and_then(|marks| marks.try_into().ok());
-            let expected = "the values of MECH of seven pucks at home";
+            let expected = format!("the values of MECH of {N} pucks at home");
             can.home_marks = Some(marks.ok_or_else(|| parameters.refuse("homeMarks", expected))?);
         }
         #[cfg(target_os = "linux")]
@@ -128,7 +131,7 @@ impl ArmConfiguration {
         default: SimulatorOptions,
     ) -> Result<Self, HostError> {
         Ok(Self {
-            simulator: simulator_options(parameters, default)?,
+            simulator: simulator_options(parameters, N, default)?,
             ..self
         })
     }
@@ -189,31 +192,6 @@ impl ArmConfiguration {
     }
 }
 
-pub(crate) fn flag(parameters: &Parameters, name: &str) -> Result<bool, HostError> {
-    Ok(match parameters.get::<bool>(name)? {
-        Some(value) => value,
-        None => parameters.has(name),
-    })
-}
-
-/// Reads a list of `N` numbers within a range.
-pub(crate) fn numbers<const N: usize>(
-    parameters: &Parameters,
-    name: &str,
-    range: Limits,
-    expected: &str,
-) -> Result<Option<[f64; N]>, HostError> {
-    let Some(list) = parameters.list::<f64>(name)? else {
-        return Ok(None);
-    };
-    let list = <[f64; N]>::try_from(list).ok();
-    let list = list.filter(|list| list.iter().all(|&number| range.contains(number)));
-    match list {
-        Some(list) => Ok(Some(list)),
-        None => Err(parameters.refuse(name, expected).into()),
-    }
-}
-
 fn position_file(parameters: &Parameters, bus: Option<&str>) -> Result<Option<PathBuf>, HostError> {
     if let Some(path) = parameters.get::<String>("positionFile")? {
         return Ok((path != "none").then(|| PathBuf::from(path)));
@@ -224,10 +202,10 @@ fn position_file(parameters: &Parameters, bus: Option<&str>) -> Result<Option<Pa
     Ok(bus.and_then(|bus| Some(folder?.join("yarp").join(format!("wam-{bus}.position")))))
 }
 
-fn with_payload(
-    mut model: WamModel<AXES>,
+fn with_payload<const N: usize>(
+    mut model: WamModel<N>,
     parameters: &Parameters,
-) -> Result<WamModel<AXES>, HostError> {
+) -> Result<WamModel<N>, HostError> {
     let far = Limits::new(-MAX_TOOL, MAX_TOOL);
     let expected = "the place of the tool, x y z in m, at most 2 m away";
     if let Some([x, y, z]) = numbers(parameters, "tool", far, expected)? {
@@ -245,29 +223,27 @@ fn with_payload(
 }
 
 /// Reads transmission, limits and the gravity calibration.
-fn with_mechanics(
-    mut model: WamModel<AXES>,
+fn with_mechanics<const N: usize>(
+    mut model: WamModel<N>,
     parameters: &Parameters,
-) -> Result<WamModel<AXES>, HostError> {
-    let expected = "21 numbers in kg m: x y z of each joint, as mu of libbarrett";
-    let moments = numbers::<21>(
-        parameters,
-        "gravityMoments",
-        Limits::new(-100.0, 100.0),
-        expected,
-    )?;
+) -> Result<WamModel<N>, HostError> {
+    let expected = format!(
+        "{} numbers in kg m: x y z of each joint, as mu of libbarrett",
+        3 * N
+    );
+    let range = Limits::new(-100.0, 100.0);
+    let moments = numbers_of(parameters, "gravityMoments", 3 * N, range, &expected)?;
     if let Some(moments) = moments {
         for (moment, numbers) in model.calibration.moments.iter_mut().zip(moments.chunks(3)) {
             moment.copy_from_slice(numbers);
         }
     }
-    let expected = "49 numbers, a row per motor, that can be inverted, as j2mp of libbarrett";
-    let matrix = numbers::<49>(
-        parameters,
-        "jointToMotor",
-        Limits::new(-1000.0, 1000.0),
-        expected,
-    )?;
+    let expected = format!(
+        "{} numbers, a row per motor, that can be inverted, as j2mp of libbarrett",
+        N * N
+    );
+    let range = Limits::new(-1000.0, 1000.0);
+    let matrix = numbers_of(parameters, "jointToMotor", N * N, range, &expected)?;
     if let Some(matrix) = matrix {
         let counts = model.transmission.counts_per_turn();
         model.transmission = Transmission::from_rows(&matrix, counts)
@@ -276,8 +252,8 @@ fn with_mechanics(
     let mut limits = *model.chain.limits();
     let circle = Limits::new(-360.0, 360.0);
     for (name, is_min) in [("jointMin", true), ("jointMax", false)] {
-        let expected = "seven angles in degrees within the limits of the arm";
-        let Some(angles) = numbers::<AXES>(parameters, name, circle, expected)? else {
+        let expected = format!("{N} angles in degrees within the limits of the arm");
+        let Some(angles) = numbers::<N>(parameters, name, circle, &expected)? else {
             continue;
         };
         for (own, angle) in limits.iter_mut().zip(angles.map(f64::to_radians)) {
@@ -293,18 +269,21 @@ fn with_mechanics(
 }
 
 /// Reads gains and torque limits of the position loops.
-fn with_loops(model: &mut WamModel<AXES>, parameters: &Parameters) -> Result<(), HostError> {
+fn with_loops<const N: usize>(
+    model: &mut WamModel<N>,
+    parameters: &Parameters,
+) -> Result<(), HostError> {
     let range = Limits::new(0.0, 1e5);
-    let expected = "seven gains in Nm per rad, not negative";
-    let list = |name| numbers::<AXES>(parameters, name, range, expected);
+    let expected = format!("{N} gains in Nm per rad, not negative");
+    let list = |name| numbers::<N>(parameters, name, range, &expected);
     let (kp, ki, kd) = (
         list("positionKp")?,
         list("positionKi")?,
         list("positionKd")?,
     );
-    let expected = "seven torques in Nm, each within what the motors of its joint have";
-    let torques = numbers::<AXES>(parameters, "maxTorques", range, expected)?;
-    for joint in 0..AXES {
+    let expected = format!("{N} torques in Nm, each within what the motors of its joint have");
+    let torques = numbers::<N>(parameters, "maxTorques", range, &expected)?;
+    for joint in 0..N {
         let most = model.largest_torque(joint);
         let gains = &mut model.gains[joint];
         gains.proportional = kp.map_or(gains.proportional, |kp| kp[joint]);
@@ -350,13 +329,13 @@ fn real_time(parameters: &Parameters) -> Result<RealTime, HostError> {
 }
 
 /// Reads the signs of a stalled joint; wider ones than the default are logged.
-fn stall_limits(
-    default: Option<StallLimits<AXES>>,
+fn stall_limits<const N: usize>(
+    default: Option<StallLimits<N>>,
     parameters: &Parameters,
-) -> Result<Option<StallLimits<AXES>>, HostError> {
-    let expected = "seven torques of the position loops in Nm, above 0";
+) -> Result<Option<StallLimits<N>>, HostError> {
+    let expected = format!("{N} torques of the position loops in Nm, above 0");
     let range = Limits::new(1e-3, 1e5);
-    let torques = numbers::<AXES>(parameters, "stallTorques", range, expected)?;
+    let torques = numbers::<N>(parameters, "stallTorques", range, &expected)?;
     let error = parameters.get::<f64>("stallError")?;
     let time = parameters.get::<Duration>("stallTime")?;
     if flag(parameters, "noStallDetection")? {
@@ -407,7 +386,9 @@ mod tests {
 
     use super::*;
 
-    fn read(text: &str) -> Result<ArmConfiguration, String> {
+    const AXES: usize = 7;
+
+    fn read(text: &str) -> Result<ArmConfiguration<AXES>, String> {
         let mut settings = Settings::new();
         settings.read_text("f.ini", text, &NoSource);
         let parameters = Parameters::new("arm", settings, Origin::line("f.ini", 1));
@@ -452,7 +433,7 @@ mod tests {
         );
         assert_eq!(of("noStallDetection\n"), Ok(None));
         for (text, expected) in [
-            ("stallTorques (1 2)", "seven torques of the position loops"),
+            ("stallTorques (1 2)", "7 torques of the position loops"),
             ("stallTorques (0 1 1 1 1 1 1)", "above 0"),
             ("stallError 0", "0.1 to 360 degrees"),
             ("stallError 361", "0.1 to 360 degrees"),

@@ -3,7 +3,7 @@
 use yarp_ports::Network;
 use yarp_wire::settings::Parameters;
 
-use crate::device_types::{self, DeviceType, Opening};
+use crate::device_types::{self, DeviceType, OpenResult, Opening};
 use crate::{Attached, Future, HostError, Hosted, Parts};
 
 /// Opens a device from its parameters.
@@ -17,37 +17,47 @@ pub async fn open(
     kind: &str,
     parameters: &Parameters,
 ) -> Result<Box<dyn Hosted>, HostError> {
-    if kind == device_types::BUNDLER {
-        let wrapper: String = parameters.need("wrapper_device")?;
-        let inner: String = parameters.need("attached_device")?;
-        let wrapper = device_types::find(&wrapper, parameters, "wrapper_device")?;
-        let inner = device_types::find(&inner, parameters, "attached_device")?;
-        let apart = parameters.has("doNotAttach");
-        let opening = Opening {
-            network,
-            parameters,
-        };
-        return bundle(
-            opening,
-            wrapper,
-            inner.name,
-            inner.open(opening).await?,
-            apart,
-        )
-        .await;
-    }
-    let kind = device_types::find(kind, parameters, "device")?;
-    let opening = Opening {
-        network,
-        parameters,
-    };
-    match parameters.get::<String>("subdevice")? {
-        Some(inner) => {
-            let inner = device_types::find(&inner, parameters, "subdevice")?;
-            bundle(opening, kind, inner.name, inner.open(opening).await?, false).await
+    open_in(Opening::new(network, parameters), kind).await
+}
+
+/// Opens a device among others: a name of one of those that are open already means this one.
+pub(crate) fn open_in<'a>(opening: Opening<'a>, kind: &'a str) -> Future<'a, OpenResult> {
+    Box::pin(async move {
+        let parameters = opening.parameters;
+        opening.check_depth()?;
+        if let Some(link) = opening.link(kind) {
+            return Ok(link);
         }
-        None => kind.open(opening).await,
+        if kind == device_types::BUNDLER {
+            let wrapper: String = parameters.need("wrapper_device")?;
+            // A name that is missing is reported before one that is unknown.
+            parameters.need::<String>("attached_device")?;
+            let wrapper = device_types::find(&wrapper, parameters, "wrapper_device")?;
+            let apart = parameters.has("doNotAttach");
+            let (name, inner) = open_inner(opening, "attached_device").await?;
+            return bundle(opening, wrapper, &name, inner, apart).await;
+        }
+        let kind = device_types::find(kind, parameters, "device")?;
+        if parameters.get::<String>("subdevice")?.is_none() {
+            return kind.open(opening).await;
+        }
+        let (name, inner) = open_inner(opening, "subdevice").await?;
+        bundle(opening, kind, &name, inner, false).await
+    })
+}
+
+/// Opens the device that the parameter `asked` names; returns its name, too.
+async fn open_inner(
+    opening: Opening<'_>,
+    asked: &str,
+) -> Result<(String, Box<dyn Hosted>), HostError> {
+    let parameters = opening.parameters;
+    let name: String = parameters.need(asked)?;
+    if let Some(link) = opening.link(&name) {
+        return Ok((name, link));
     }
+    let kind = device_types::find(&name, parameters, asked)?;
+    Ok((kind.name.to_owned(), kind.open(opening).await?))
 }
 
 /// Opens a device together with the wrapper of its type, if it has one, as stock's `yarpdev` does.
@@ -60,10 +70,7 @@ pub async fn open_wrapped(
         let inner = device_types::find(kind, parameters, "device")?;
         if let Some(wrapper) = inner.wrapper {
             let wrapper = device_types::find(wrapper, parameters, "device")?;
-            let opening = Opening {
-                network,
-                parameters,
-            };
+            let opening = Opening::new(network, parameters);
             // The device may have a subdevice of its own.
             let opened = open(network, kind, parameters).await?;
             return bundle(opening, wrapper, inner.name, opened, false).await;
@@ -142,6 +149,10 @@ impl Hosted for Bundle {
 
     fn machine(&self) -> Option<std::sync::Arc<dyn yarp_devices::Device>> {
         self.inner.machine()
+    }
+
+    fn service(&self) -> Option<std::sync::Arc<dyn yarp_devices::Device>> {
+        self.wrapper.service().or_else(|| self.inner.service())
     }
 
     fn attach(&mut self, others: Vec<Attached>) -> Future<'_, Result<(), HostError>> {

@@ -96,6 +96,29 @@ pub enum HostError {
         /// Name of the network.
         network: String,
     },
+    /// The service of the device did not start.
+    #[error("the service of {device} did not start")]
+    Service {
+        /// Name of the device.
+        device: String,
+        /// Cause.
+        #[source]
+        source: Box<DeviceError>,
+    },
+    /// Devices are nested too deeply.
+    #[error(
+        "{origin}: device {device}: devices in devices go {depth} deep, expected at most {most}"
+    )]
+    Nested {
+        /// Position of its description.
+        origin: Origin,
+        /// Name of the device.
+        device: String,
+        /// Depth of the device.
+        depth: usize,
+        /// Maximum depth.
+        most: usize,
+    },
     /// The device is attached already.
     #[error("it is attached already")]
     Attached,

@@ -34,6 +34,11 @@ pub struct Parts {
 impl Parts {
     /// Returns true if the device offers nothing.
     pub fn is_empty(&self) -> bool {
+        self.devices().next().is_none() && self.robot.is_none()
+    }
+
+    /// Returns the devices among them, each kind of part once.
+    pub(crate) fn devices(&self) -> impl Iterator<Item = &Arc<dyn Device>> {
         let Self {
             board,
             camera,
@@ -41,10 +46,11 @@ impl Parts {
             other,
             sensors,
             channels,
-            robot,
+            robot: _,
         } = self;
-        let devices = [board, camera, tool, other, sensors, channels];
-        devices.iter().all(|part| part.is_none()) && robot.is_none()
+        [camera, other, sensors, channels, board, tool]
+            .into_iter()
+            .flatten()
     }
 }
 
@@ -68,6 +74,11 @@ pub trait Hosted: Send {
 
     /// Returns the device to park before closing, if it runs in this process.
     fn machine(&self) -> Option<Arc<dyn Device>> {
+        None
+    }
+
+    /// Returns the device with a [service](yarp_devices::Service) that the host starts, updates and stops.
+    fn service(&self) -> Option<Arc<dyn Device>> {
         None
     }
 

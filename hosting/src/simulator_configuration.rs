@@ -6,10 +6,10 @@
 //! | `seed` | seed of everything that varies; default 0 |
 //! | `commandLatency`, `latencyJitter` | delay of torque commands, and what is added to it at most, s; at most 0.01 each |
 //! | `encoderNoise` | standard deviation, counts |
-//! | `coggingTorques` | amplitudes, seven numbers, Nm of the motors |
+//! | `coggingTorques` | amplitudes, one for each joint, Nm of the motors |
 //! | `torqueRipple` | amplitude as a share of the torque |
-//! | `torquePeriods` | periods of cogging and ripple per turn of the motors, seven numbers |
-//! | `cableStiffness`, `cableDamping` | seven numbers each, Nm/rad and Nm s/rad; damping alone changes elastic cables only |
+//! | `torquePeriods` | periods of cogging and ripple per turn of the motors, one number for each |
+//! | `cableStiffness`, `cableDamping` | one number for each joint, Nm/rad and Nm s/rad; damping alone changes elastic cables only |
 //! | `rigidCables` | the cables are rigid |
 //! | `breakawayFactor` | friction at rest as a multiple of Coulomb friction, 1 or more |
 //! | `stribeckSpeed` | speed at which 37 % of the excess is left, degrees/s |
@@ -23,10 +23,8 @@ use yarp_devices::simulation::{ArmEffects, CableElasticity, SimulatorOptions};
 use yarp_wire::settings::Parameters;
 
 use crate::HostError;
-use crate::arm_configuration::{flag, numbers};
+use crate::shared_parameters::{flag, numbers_of};
 
-/// Number of joints.
-const AXES: usize = 7;
 /// Most that a command may be delayed, and that may be added: five periods.
 const MAX_LATENCY: Duration = Duration::from_millis(10);
 
@@ -35,6 +33,7 @@ const MAX_LATENCY: Duration = Duration::from_millis(10);
 /// Errors: [`HostError::Parameter`] with the position of the parameter and the expected value.
 pub(crate) fn simulator_options(
     parameters: &Parameters,
+    joints: usize,
     default: SimulatorOptions,
 ) -> Result<SimulatorOptions, HostError> {
     let mut options = match parameters.get::<String>("effects")?.as_deref() {
@@ -48,8 +47,8 @@ pub(crate) fn simulator_options(
     }
     let before = options.effects;
     let effects = &mut options.effects;
-    electric_effects(effects, parameters)?;
-    mechanic_effects(effects, parameters)?;
+    electric_effects(effects, parameters, joints)?;
+    mechanic_effects(effects, parameters, joints)?;
     // Elastic cables and fast changes need the shorter steps of the real arm.
     if *effects != before {
         options.substeps = options.substeps.max(SimulatorOptions::real_arm().substeps);
@@ -71,8 +70,17 @@ fn number(
     }
 }
 
+/// Returns the number of a joint in a list; `None` without a list, and for a joint that the arm has not.
+fn of_joint(list: &Option<Vec<f64>>, joint: usize) -> Option<f64> {
+    list.as_ref()?.get(joint).copied()
+}
+
 /// Reads what happens between the controller and the torques of the motors.
-fn electric_effects(effects: &mut ArmEffects, parameters: &Parameters) -> Result<(), HostError> {
+fn electric_effects(
+    effects: &mut ArmEffects,
+    parameters: &Parameters,
+    joints: usize,
+) -> Result<(), HostError> {
     for (name, time) in [
         ("commandLatency", &mut effects.latency.least),
         ("latencyJitter", &mut effects.latency.jitter),
@@ -92,17 +100,19 @@ fn electric_effects(effects: &mut ArmEffects, parameters: &Parameters) -> Result
         "a standard deviation of 0 to 100 counts",
     )?;
     effects.encoder_noise = noise.unwrap_or(effects.encoder_noise);
-    let cogging = numbers::<AXES>(
+    let cogging = numbers_of(
         parameters,
         "coggingTorques",
+        joints,
         Limits::new(0.0, 1.0),
-        "seven torques of motors of 0 to 1 Nm",
+        &format!("{joints} torques of motors of 0 to 1 Nm"),
     )?;
-    let periods = numbers::<AXES>(
+    let periods = numbers_of(
         parameters,
         "torquePeriods",
+        joints,
         Limits::new(0.0, 1000.0),
-        "seven numbers of periods per turn, at most 1000",
+        &format!("{joints} numbers of periods per turn, at most 1000"),
     )?;
     let ripple = number(
         parameters,
@@ -111,8 +121,9 @@ fn electric_effects(effects: &mut ArmEffects, parameters: &Parameters) -> Result
         "a share of 0 to 0.5",
     )?;
     for (motor, variation) in effects.torque_variation.iter_mut().enumerate() {
-        variation.cogging = cogging.map_or(variation.cogging, |all| all[motor]);
-        variation.periods_per_turn = periods.map_or(variation.periods_per_turn, |all| all[motor]);
+        variation.cogging = of_joint(&cogging, motor).unwrap_or(variation.cogging);
+        variation.periods_per_turn =
+            of_joint(&periods, motor).unwrap_or(variation.periods_per_turn);
         variation.ripple = ripple.unwrap_or(variation.ripple);
     }
     if flag(parameters, "coldMotors")? {
@@ -129,23 +140,29 @@ fn electric_effects(effects: &mut ArmEffects, parameters: &Parameters) -> Result
 }
 
 /// Reads what happens between the motors and the links.
-fn mechanic_effects(effects: &mut ArmEffects, parameters: &Parameters) -> Result<(), HostError> {
-    let stiffness = numbers::<AXES>(
+fn mechanic_effects(
+    effects: &mut ArmEffects,
+    parameters: &Parameters,
+    joints: usize,
+) -> Result<(), HostError> {
+    let stiffness = numbers_of(
         parameters,
         "cableStiffness",
+        joints,
         Limits::new(1.0, 1e9),
-        "seven stiffnesses of 1 to 1e9 Nm/rad",
+        &format!("{joints} stiffnesses of 1 to 1e9 Nm/rad"),
     )?;
-    let damping = numbers::<AXES>(
+    let damping = numbers_of(
         parameters,
         "cableDamping",
+        joints,
         Limits::new(0.0, 1e6),
-        "seven dampings of 0 to 1e6 Nm s/rad",
+        &format!("{joints} dampings of 0 to 1e6 Nm s/rad"),
     )?;
-    if let Some(stiffness) = stiffness {
+    if stiffness.is_some() {
         let before = effects.elasticity.unwrap_or_default();
         effects.elasticity = Some(std::array::from_fn(|joint| CableElasticity {
-            stiffness: stiffness[joint],
+            stiffness: of_joint(&stiffness, joint).unwrap_or(before[joint].stiffness),
             ..before[joint]
         }));
     }
@@ -185,7 +202,7 @@ mod tests {
         let mut settings = Settings::new();
         settings.read_text("f.ini", text, &NoSource);
         let parameters = Parameters::new("arm", settings, Origin::line("f.ini", 1));
-        simulator_options(&parameters, SimulatorOptions::default())
+        simulator_options(&parameters, 7, SimulatorOptions::default())
             .map_err(|error| error.to_string())
     }
 
@@ -235,11 +252,11 @@ mod tests {
             ("commandLatency 1", "at most 0.01 seconds"),
             ("latencyJitter 1", "at most 0.01 seconds"),
             ("encoderNoise -1", "0 to 100 counts"),
-            ("coggingTorques (1 2)", "seven torques of motors"),
+            ("coggingTorques (1 2)", "7 torques of motors"),
             ("torqueRipple 2", "0 to 0.5"),
             ("torquePeriods (-1 1 1 1 1 1 1)", "at most 1000"),
             ("cableStiffness (0 1 1 1 1 1 1)", "1 to 1e9 Nm/rad"),
-            ("cableDamping (1)", "seven dampings"),
+            ("cableDamping (1)", "7 dampings"),
             ("breakawayFactor 0.5", "1 to 10"),
             ("stribeckSpeed 0", "degrees/s"),
             ("supplyVoltage -1", "0 to 1000 V"),

@@ -62,6 +62,70 @@ fn an_arm_behind_its_pc_is_a_device() {
 }
 
 #[test]
+fn arms_have_four_joints_where_that_is_said() {
+    let stage = Stage::new();
+    let arm = SimulatedWam::with_axes(yarp_devices::wam::parameters_of::<4>());
+    let node = NodeOptions::new(LinkMode::listen_on_loopback());
+    let node = WamNode::start(std::sync::Arc::new(arm), node).expect("it listens");
+    let places = node.addresses();
+    let (ports, host) = ((places.arm.port(), places.packets.port()), places.arm.ip());
+    let behind = format!("connect {host}\nports ({} {})\n", ports.0, ports.1);
+    let lists = "jointMin (-30 -114.6 -30 -40)\nmaxTorques (10 10 5 5)\ngravityMoments (0 0 0 0 0 1 0 0 0 0 0 0)\n";
+    for (kind, text) in [
+        ("simulatedWam", lists),
+        ("dynamicWam", lists),
+        (
+            "simulatedCanWam",
+            &format!("{lists}homeConfirmed\ncoggingTorques (0 0 0 0)"),
+        ),
+        ("embeddedWam", &behind),
+    ] {
+        let hosted = stage
+            .open(kind, &format!("joints 4\n{text}"))
+            .unwrap_or_else(|error| panic!("{kind}: {error}"));
+        let board = hosted.parts().board.expect("it has joints");
+        assert_eq!(board.axis_info().unwrap().axes(), 4, "{kind}");
+        let encoders = board.encoders().unwrap();
+        eventually("a reading", || {
+            encoders
+                .encoder_readings(Axes::All)
+                .is_ok_and(|all| all.len() == 4)
+        });
+        if text.contains("jointMin") {
+            let limits = board.control_limits().unwrap();
+            let base = limits.position_limits(0.into()).unwrap();
+            assert!((base.min + 30.0).abs() < 1e-9, "{kind}: {base:?}");
+        }
+        drop(board);
+        stage.runtime.block_on(hosted.close());
+    }
+}
+
+#[test]
+fn lists_have_a_number_for_each_joint() {
+    let stage = Stage::new();
+    for (text, expected) in [
+        ("joints 5", "parameter joints: expected 4 or 7, got 5"),
+        (
+            "joints 4\nmaxTorques (1 1 1 1 1 1 1)",
+            "parameter maxTorques: expected 4 torques in Nm",
+        ),
+        (
+            "joints 4\ncoggingTorques (0 0 0 0 0 0 0)",
+            "parameter coggingTorques: expected 4 torques of motors",
+        ),
+        (
+            "gravityMoments (0 0 0 0 0 1 0 0 0 0 0 0)",
+            "parameter gravityMoments: expected 21 numbers",
+        ),
+    ] {
+        let refused = stage.open("dynamicWam", text).map(drop).unwrap_err();
+        let refused = refused.to_string();
+        assert!(refused.contains(expected), "{text}: {refused}");
+    }
+}
+
+#[test]
 fn a_hand_on_its_line_is_a_device() {
     let stage = Stage::new();
     let hand = SimulatedHand::start(SimulatedHandOptions::new().speed(20.0)).expect("it starts");
@@ -153,7 +217,7 @@ fn a_tool_is_served_to_a_client() {
     let text = "attached_device simulatedWam\nwrapper_device cartesiancontrollerserver\n[GENERAL]\nKinematicPart arm\n";
     let error = stage.open("deviceBundler", text).err().expect("iCub's arm");
     assert!(
-        error.contains("GENERAL::KinematicPart: expected custom or wam7"),
+        error.contains("GENERAL::KinematicPart: expected custom or wam4 or wam7"),
         "{error}"
     );
 }

@@ -59,6 +59,7 @@ pub use device_ports::RemoteOptions;
 pub use first_value::wait_first_value;
 pub use frame_grabber::{
     FrameGrabberOptions, FrameGrabberServer, RemoteFrameGrabber, RemoteFrameGrabberOptions,
+    SoundPort,
 };
 pub use gaze::{RemoteGazeControl, RemoteGazeOptions};
 pub use hand::{HandServer, RemoteHand, RemoteHandOptions};

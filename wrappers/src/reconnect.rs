@@ -1,6 +1,7 @@
 //! Connections of clients to their servers.
 
 use std::fmt::Debug;
+use std::sync::Arc;
 use std::time::Duration;
 
 use tokio::task::JoinSet;
@@ -78,6 +79,8 @@ pub(crate) async fn connect_supervised(
 
 /// Test for missing messages of a stream; boxed, so that the task that runs it is compiled once.
 pub(crate) type Missing = Box<dyn Fn() -> bool + Send>;
+/// Held by whoever makes or ends the connection of a stream.
+pub(crate) type Turn = Arc<tokio::sync::Mutex<()>>;
 
 /// Connects a writer to a port of ours, and again whenever `are_missing` returns true; `asking` does the latter. An
 /// error is that of the first time.
@@ -86,6 +89,7 @@ pub(crate) async fn subscribe(
     (from, to): (&str, &str),
     carrier: &str,
     asking: &mut JoinSet<()>,
+    turn: Turn,
     are_missing: Missing,
 ) -> Result<(), OpenError> {
     remote_admin::connect(network, from, to, Some(carrier))
@@ -97,7 +101,14 @@ pub(crate) async fn subscribe(
             source: source.into(),
         })?;
     let (from, to, carrier) = (from.to_owned(), to.to_owned(), carrier.to_owned());
-    asking.spawn(resubscribe(network.clone(), from, to, carrier, are_missing));
+    asking.spawn(resubscribe(
+        network.clone(),
+        from,
+        to,
+        carrier,
+        turn,
+        are_missing,
+    ));
     Ok(())
 }
 
@@ -108,10 +119,12 @@ async fn resubscribe(
     from: String,
     to: String,
     carrier: String,
+    turn: Turn,
     are_missing: Missing,
 ) {
     loop {
         tokio::time::sleep(WATCH_INTERVAL).await;
+        let _turn = turn.lock().await;
         if are_missing()
             && let Err(error) = remote_admin::connect(&network, &from, &to, Some(&carrier)).await
         {

@@ -7,10 +7,12 @@ mod fuzz;
 mod support;
 
 mod calls_from_async_code;
+mod camera_with_sound;
 mod command_queue_of_slow_device;
 mod control_board_loss;
 mod embedded_arm_over_network;
 mod fuzz_corpus;
+mod inertial_server;
 mod many_clients;
 mod modification_of_devices;
 mod motion_completion_events;

@@ -2,7 +2,7 @@
 
 use crate::support;
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use support::{Stage, TEST_TIMEOUT, eventually};
 use yarp_devices::checks::{self, Check};
@@ -123,6 +123,39 @@ fn a_camera_that_is_not_there_is_named() {
         other => panic!("{other:?}"),
     }
     assert_eq!(stage.registered(), Vec::<String>::new());
+}
+
+/// The tidying demo looks a few times a minute: in between nobody has to take images.
+#[test]
+fn a_paused_camera_is_left_alone_until_it_is_resumed() {
+    let stage = Stage::new();
+    let server = stage.serve_camera();
+    let options = options().max_state_age(Duration::from_secs(1));
+    let camera = RemoteFrameGrabber::open(&stage.network, options).expect("it is there");
+    eventually("a first image", || camera.image().is_ok());
+    let before = camera.image().expect("it is there").number;
+    camera.pause();
+    // Long enough for the watch over missing images, which is one for images older than a second.
+    let end = Instant::now() + Duration::from_millis(2500);
+    while Instant::now() < end {
+        let image = camera.image();
+        assert!(
+            matches!(image, Err(DeviceError::NoDataYet { .. })),
+            "{image:?}"
+        );
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    camera.resume();
+    eventually("an image", || camera.image().is_ok());
+    assert!(camera.image().expect("it is there").number > before);
+    // One that cannot be reached is resumed when it is back.
+    camera.pause();
+    stage.runtime.block_on(server.close());
+    camera.resume();
+    let server = stage.serve_camera();
+    eventually("an image again", || camera.image().is_ok());
+    drop(camera);
+    stage.runtime.block_on(server.close());
 }
 
 #[test]

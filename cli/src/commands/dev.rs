@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use serde_json::json;
 use tokio::sync::watch;
-use yarp_hosting::{Hosted, device_types, open_wrapped, opened_types, park};
+use yarp_hosting::{Hosted, RunningService, device_types, open_wrapped, opened_types, park};
 use yarp_ports::{Answer, Network, Port, PortOptions, Received};
 use yarp_wire::settings::{Origin, Parameters, Settings};
 use yarp_wire::{Bottle, Value, Vocab32};
@@ -130,6 +130,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let code = serve(
         &network,
         hosted,
+        &device,
         &quit_name(&parameters, &device),
         parks,
         &mut interrupt,
@@ -218,6 +219,7 @@ fn quit_name(parameters: &Parameters, device: &str) -> String {
 async fn serve(
     network: &Network,
     hosted: Box<dyn Hosted>,
+    device: &str,
     quit: &str,
     parks: bool,
     interrupt: &mut Interrupt,
@@ -231,6 +233,15 @@ async fn serve(
             return refused.map(|_| ExitCode::FAILURE);
         }
     };
+    let mut service = match start_service(hosted.as_ref(), device).await {
+        Ok(service) => service,
+        Err(error) => {
+            tracing::error!(target: COMPONENT, "{}", yarp_ports::error_chain(&error));
+            port.close().await;
+            hosted.close().await;
+            return Ok(ExitCode::FAILURE);
+        }
+    };
     tracing::info!(target: COMPONENT, "device active in background...");
     if hosted.machine().is_some() {
         listen_addresses::warn_if_open(network, quit.trim_end_matches("/quit"));
@@ -239,7 +250,13 @@ async fn serve(
     tokio::select! {
         () = interrupt.interrupted() => {}
         _ = told.wait_for(|told| *told) => {}
+        // As in stock, the program ends with the service.
+        _ = service_ended(&mut service) => {}
     }
+    let well = match service {
+        Some(service) => service.stop().await,
+        None => true,
+    };
     if let Some(machine) = hosted.machine().filter(|_| parks) {
         tracing::info!(target: COMPONENT, "parking");
         if let Err(error) = park(machine).await {
@@ -249,7 +266,26 @@ async fn serve(
     // Closed before the device, so that clients learn of the end.
     port.close().await;
     hosted.close().await;
-    Ok(ExitCode::SUCCESS)
+    Ok(super::code(well))
+}
+
+/// Starts the service of a device that has one.
+async fn start_service(
+    hosted: &dyn Hosted,
+    device: &str,
+) -> std::result::Result<Option<RunningService>, yarp_hosting::HostError> {
+    match hosted.service() {
+        Some(service) => RunningService::start(device, service).await.map(Some),
+        None => Ok(None),
+    }
+}
+
+/// Waits until the service ends by itself; without a service for ever.
+async fn service_ended(service: &mut Option<RunningService>) -> bool {
+    match service {
+        Some(service) => service.ended().await,
+        None => std::future::pending().await,
+    }
 }
 
 /// Opens the port that accepts `quit`, like stock's `Terminee`, once the device is active.

@@ -23,6 +23,7 @@ mod help;
 #[cfg(feature = "tls")]
 mod keys;
 mod latency_test;
+mod manager;
 mod merge;
 mod name;
 mod namespace;
@@ -48,6 +49,8 @@ mod split;
 mod stats;
 #[cfg(all(unix, feature = "table"))]
 mod table;
+#[cfg(all(unix, feature = "table"))]
+mod table_arm;
 mod teach;
 mod terminate;
 mod time;
@@ -103,6 +106,7 @@ pub(crate) enum Command {
     Keys(keys::Args),
     #[command(name = "latency-test")]
     LatencyTest(latency_test::Args),
+    Manager(manager::Args),
     Merge(merge::Args),
     Name(name::Args),
     Namespace(namespace::Args),
@@ -200,6 +204,7 @@ impl Command {
             #[cfg(feature = "tls")]
             Self::Keys(args) => keys::run(args, out),
             Self::LatencyTest(args) => latency_test::run(args, out).await,
+            Self::Manager(args) => manager::run(args, out),
             Self::Merge(args) => merge::run(args, out).await,
             Self::Name(args) => name::run(args, out).await,
             Self::Namespace(args) => namespace::run(args, out),

@@ -265,8 +265,7 @@ async fn live(
         tracing::error!(target: COMPONENT, "Error in startup phase... see previous messages for more info");
     }
     well &= shut_down_on_interrupts(&mut robot, parks, interrupt).await;
-    robot.close().await;
-    well
+    well & robot.close().await
 }
 
 /// Runs the interrupt phases and the shutdown.

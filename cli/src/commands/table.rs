@@ -22,6 +22,7 @@ use crate::listen_addresses::{self, BindArgs};
 use crate::signals::Interrupt;
 use crate::{network_access, stock_log};
 
+use super::table_arm::TableArmArgs;
 use super::view::{ViewArgs, warn_missing};
 
 /// simulate a table with objects, an arm, a hand and cameras
@@ -44,17 +45,22 @@ pub(crate) struct Args {
     /// Objects from an XML file instead of random ones
     #[arg(long, value_name = "FILE", conflicts_with = "objects")]
     scene: Option<PathBuf>,
-    /// Speed relative to a real robot, 0.1 to 20
-    #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
-    speed: f64,
+    /// Speed relative to a real robot, 0.1 to 20; 1 by default
+    #[arg(long, value_name = "FACTOR")]
+    speed: Option<f64>,
     /// Images a second while somebody watches, 0.1 to 30
     #[arg(long, value_name = "HERTZ", default_value_t = 5.0)]
     rate: f64,
+    #[command(flatten)]
+    arm: TableArmArgs,
     #[command(flatten)]
     bind: BindArgs,
     /// Prefix of the port names /wam, /hand, /camera and /depth
     #[arg(long, value_name = "PREFIX", default_value = "")]
     prefix: String,
+    /// Serve PREFIX/faults/rpc:i, at which anybody may freeze or cover the cameras and stall the hand
+    #[arg(long)]
+    faults: bool,
     #[command(flatten)]
     view: ViewArgs,
 }
@@ -158,8 +164,10 @@ async fn serve(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let mut interrupt = Interrupt::listen();
     let mut serving = ServedTableOptions::default();
     serving.prefix.clone_from(&args.prefix);
-    serving.speed = args.speed;
+    let (arm, speed) = args.arm.arm(args.speed, 1.0)?;
+    serving.speed = speed;
     serving.rate = args.rate;
+    serving.faults = args.faults;
     for name in serving.names() {
         name.parse::<PortName>().map_err(PortError::from)?;
     }
@@ -167,9 +175,10 @@ async fn serve(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let scene = scene(&args)?;
     let count = scene.objects.len();
     let mut options = LiveOptions::default();
-    options.speed = args.speed;
+    options.speed = speed;
     options.rate = args.rate;
     options.seed = args.seed;
+    options.arm = arm;
     let view = open_view(&args, &network, &serving, out).await?;
     let starting = tokio::task::spawn_blocking(move || LiveTable::start(scene, options));
     let table = tokio::select! {

@@ -6,10 +6,8 @@ use std::process::ExitCode;
 use std::sync::Arc;
 
 use yarp_devices::Device;
-use yarp_devices::cartesian::{CartesianController, CartesianOptions};
 use yarp_devices::embedded::{LinkAddresses, LinkMode};
-use yarp_devices::kinematics::Chain;
-use yarp_hosting::ArmConfiguration;
+use yarp_hosting::ConfiguredArm;
 use yarp_nameserver::{Server, ServerOptions};
 use yarp_ports::config::{self, Configuration, NameServer};
 use yarp_ports::{Network, PortError, addresses};
@@ -112,7 +110,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     args.name.parse::<PortName>().map_err(PortError::from)?;
     let arm = args.arm();
     let link_mode = args.link_mode.link_mode(true).map_err(Failure::LinkMode)?;
-    let configuration = args.configuration.configuration(&arm)?;
+    let configuration = args.configuration.configuration(&arm, link_mode)?;
     let mut interrupt = Interrupt::listen();
     // The first line is the address of the view.
     // A wait for a clock is reported at once.
@@ -136,7 +134,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let opened = tokio::select! {
         biased;
         () = interrupt.interrupted() => None,
-        opened = open(&base.network, &args.name, arm.clone(), (link_mode, configuration), args.cartesian) => Some(opened),
+        opened = open(&base.network, &args.name, &configuration, args.cartesian) => Some(opened),
     };
     let base = Base { access: base, view };
     let served = match opened {
@@ -157,6 +155,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         &base.access,
         &args.name,
         arm,
+        configuration.joints(),
         link_mode,
         args.cartesian.is_some(),
         out,
@@ -270,12 +269,11 @@ fn is_here(host: &str) -> bool {
 async fn open(
     network: &Network,
     name: &str,
-    arm: Arm,
-    (link_mode, configuration): (LinkMode, ArmConfiguration),
+    configuration: &ConfiguredArm,
     cartesian: Option<CartesianVersion>,
 ) -> Result<Served> {
-    let chain = configuration.model.chain.clone();
-    let starting = tokio::task::spawn_blocking(move || arm.start(link_mode, &configuration));
+    let configured = configuration.clone();
+    let starting = tokio::task::spawn_blocking(move || configured.start());
     let arm = starting.await.expect("starting an arm does not panic")?;
     let options = ControlBoardOptions::new();
     let board = ControlBoardServer::open(network, arm.clone(), name, options).await?;
@@ -294,7 +292,7 @@ async fn open(
     let Some(version) = cartesian else {
         return Ok(served);
     };
-    match open_tool(network, name, (arm, chain), version).await {
+    match open_tool(network, name, configuration.start_tool(arm)?, version).await {
         Ok(tool) => Ok(Served {
             tool: Some(tool),
             ..served
@@ -309,14 +307,12 @@ async fn open(
 async fn open_tool(
     network: &Network,
     name: &str,
-    (arm, chain): (Arc<dyn Device>, Chain<7>),
+    tool: Arc<dyn Device>,
     version: CartesianVersion,
 ) -> Result<CartesianServer> {
-    let options = CartesianOptions::new().part_type("wam7");
-    let tool = CartesianController::start(arm, chain, options)?;
     let options = CartesianServerOptions::new().version(version);
     let name = format!("{TOOL_PREFIX}{name}");
-    Ok(CartesianServer::open(network, Arc::new(tool), &name, options).await?)
+    Ok(CartesianServer::open(network, tool, &name, options).await?)
 }
 
 /// The arm, its software stop, and the controller of its tool, if any.
@@ -358,6 +354,7 @@ async fn print_summary(
     base: &NameServerAccess,
     name: &str,
     arm: Arm,
+    joints: usize,
     link_mode: LinkMode,
     cartesian: bool,
     out: &mut dyn Write,
@@ -380,7 +377,10 @@ async fn print_summary(
             describe_link(link_mode)
         )?,
         Arm::Can(interface) => writeln!(out, "WAM arm {name} on the CAN bus {interface}\n")?,
-        Arm::Simulated | Arm::Dynamic => writeln!(out, "Simulated WAM arm {name}, seven joints\n")?,
+        Arm::Simulated | Arm::Dynamic => {
+            let joints = yarp_devices::wam::count_word(joints);
+            writeln!(out, "Simulated WAM arm {name}, {joints} joints\n")?;
+        }
         Arm::SimulatedCan => writeln!(
             out,
             "Simulated WAM arm {name} behind the driver of its CAN bus: like a real one it moves once home is confirmed\n\

@@ -7,9 +7,9 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
 
-use yarp_devices::wam::PendantButton;
 use yarp_devices::wam::can::ZeroCalibration;
-use yarp_devices::{Axes, Device, DeviceError, Encoders, RemoteVariables, VariableValue};
+use yarp_devices::wam::{PendantButton, WamModel};
+use yarp_devices::{Axes, AxisInfo, Device, DeviceError, Encoders, RemoteVariables, VariableValue};
 use yarp_ports::{AdminClient, Network, PortError};
 use yarp_wire::carrier::Carrier;
 use yarp_wire::message::Command;
@@ -184,11 +184,12 @@ async fn press(args: PressArgs, out: &mut dyn Write) -> Result<ExitCode> {
 }
 
 async fn home(args: HomeArgs, out: &mut dyn Write) -> Result<ExitCode> {
+    let board = connect(args.board.name).await?;
     let angles = match &args.zero_calibration {
-        Some(path) => zero_angles(path)?,
+        Some(path) if board.axes() == 4 => zero_angles::<4>(path)?,
+        Some(path) => zero_angles::<7>(path)?,
         None => None,
     };
-    let board = connect(args.board.name).await?;
     if variable(&board, CONFIRM_HOME).await? == [VariableValue::Integer(1)] {
         writeln!(
             out,
@@ -227,7 +228,10 @@ async fn home(args: HomeArgs, out: &mut dyn Write) -> Result<ExitCode> {
 }
 
 /// Reads the angles of a calibration, whose home pose has to be that of the driver.
-fn zero_angles(path: &Path) -> Result<Option<[f64; 7]>> {
+fn zero_angles<const N: usize>(path: &Path) -> Result<Option<Vec<f64>>>
+where
+    WamModel<N>: Default,
+{
     let refused = |error: &dyn std::fmt::Display| {
         let problem = format!("{}: {error}", path.display());
         Failure::ArmFile(std::io::Error::new(
@@ -235,25 +239,26 @@ fn zero_angles(path: &Path) -> Result<Option<[f64; 7]>> {
             problem,
         ))
     };
-    let found = ZeroCalibration::read(path).map_err(|error| refused(&error))?;
-    let standard = yarp_devices::wam::WamModel::<7>::new().home;
+    let found = ZeroCalibration::<N>::read(path).map_err(|error| refused(&error))?;
+    let standard = WamModel::<N>::default().home;
     if found
         .home
-        .is_some_and(|home| home != <[f64; 7]>::from(standard))
+        .is_some_and(|home| home != <[f64; N]>::from(standard))
     {
         return Err(refused(
             &"it has a home pose of its own, with which the driver must be started (--zero-calibration of yarp up)",
         ));
     }
-    Ok(found.zero_angles)
+    Ok(found.zero_angles.map(|angles| angles.to_vec()))
 }
 
 fn confirm(
     board: &RemoteControlBoard,
-    angles: Option<[f64; 7]>,
+    angles: Option<Vec<f64>>,
 ) -> std::result::Result<(), DeviceError> {
     if let Some(angles) = angles {
-        board.set_variable(ZERO_ANGLES, &angles.map(VariableValue::Number))?;
+        let angles: Vec<_> = angles.into_iter().map(VariableValue::Number).collect();
+        board.set_variable(ZERO_ANGLES, &angles)?;
     }
     board.set_variable(CONFIRM_HOME, &[VariableValue::Integer(1)])
 }

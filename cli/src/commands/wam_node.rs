@@ -62,13 +62,13 @@ fn own_arm(text: &str) -> std::result::Result<Arm, String> {
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let mut interrupt = Interrupt::listen();
     let link_mode = args.link_mode.link_mode(false).map_err(Failure::LinkMode)?;
-    let configuration = args.configuration.configuration(&args.arm)?;
+    let configuration = args.configuration.configuration(&args.arm, link_mode)?;
     let mut options = NodeOptions::new(link_mode);
     options.moves.allow_posture_changes = args.allow_posture_changes;
     if args.allow_posture_changes {
         tracing::warn!("moves to poses may change the posture of the arm");
     }
-    let arm = args.arm.clone().start(link_mode, &configuration)?;
+    let arm = configuration.start()?;
     let stop = serve_stop(&args, arm.clone()).await?;
     let node = WamNode::start(arm, options)?;
     let places = node.addresses();

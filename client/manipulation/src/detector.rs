@@ -38,6 +38,9 @@ pub enum DetectError {
         /// Displacement of the reference marks, pixels.
         pixels: f64,
     },
+    /// Somebody asked to halt at once while it was waited for.
+    #[error("stopped while objects were detected")]
+    Stopped,
     /// The detection failed otherwise.
     #[error("the {detector} detector failed: {source}")]
     Failed {
@@ -57,4 +60,16 @@ pub trait Detector {
     ///
     /// Errors: [`DetectError`]; then nothing is known about the table.
     fn detect(&mut self) -> Result<Vec<Item>, DetectError>;
+
+    /// Announces [`finish_detection`](Self::finish_detection): a detector that needs time begins now, in the background.
+    ///
+    /// One that does not detects at the end.
+    fn begin_detection(&mut self) {}
+
+    /// Returns the objects that were on the table when the detection was begun, or later.
+    ///
+    /// Errors: those of [`detect`](Self::detect).
+    fn finish_detection(&mut self) -> Result<Vec<Item>, DetectError> {
+        self.detect()
+    }
 }

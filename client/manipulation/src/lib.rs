@@ -3,6 +3,7 @@
 //! | module | content |
 //! | --- | --- |
 //! | `item`, `detector` | [`Item`]: an object to grasp; [`Detector`]: where objects come from |
+//! | `background_detector` | [`BackgroundDetector`]: a detector that works while the hand opens |
 //! | `grasp/` | [`Grasp`]: hand pose and finger openings per shape, from the kinematics of the fingers; [`GraspScripts`] |
 //! | `low_torque_ik` | [`PostureSolver`]: inverse kinematics that prefers low gravity torques |
 //! | `workcell` | [`Workcell`]: the calls of arm and hand that the steps need |
@@ -18,6 +19,7 @@
 //! Units are metres, **radians** and seconds; poses are in the base frame of the arm. The frame of the hand is that of the
 //! tool plate, frame 7 of the arm: z out of the palm, F3 at positive y.
 
+mod background_detector;
 mod detector;
 mod filling;
 mod grasp;
@@ -33,12 +35,13 @@ mod task_event;
 mod tidy_task;
 mod workcell;
 
+pub use background_detector::BackgroundDetector;
 pub use detector::{DetectError, Detector};
 pub use filling::{Filling, Spot};
 pub use grasp::{Grasp, GraspOptions, GraspScripts, ScriptError, grasps};
 pub use item::{Class, Item, ItemShape};
 pub use low_torque_ik::{PostureError, PostureSolver};
-pub use picker::{PickError, Picker, PickerOptions, Step};
+pub use picker::{PickError, Picker, PickerOptions, ReleaseMoment, Step};
 pub use remote_workcell::RemoteWorkcell;
 pub use reorder_task::{
     ByClass, ReorderError, ReorderOptions, ReorderReport, SlotCommander, SlotOrders, reorder,

@@ -130,8 +130,10 @@ pub fn reorder<W: Workcell>(
         detector: detector.name(),
         ..ReorderReport::default()
     };
-    if let Err(error) = run(picker, detector, commander, options, &mut report) {
-        report.error = Some(error);
+    match run(picker, detector, commander, options, &mut report) {
+        Ok(()) => {}
+        Err(ReorderError::Detect(DetectError::Stopped)) => report.stopped = true,
+        Err(error) => report.error = Some(error),
     }
     let error = report.error.as_ref().map(|error| error as _);
     picker.notify_end(report.stopped, error);

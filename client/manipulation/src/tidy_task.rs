@@ -2,7 +2,7 @@
 
 use crate::detector::{DetectError, Detector};
 use crate::item::{Class, Item};
-use crate::picker::{PickError, Picker, Step};
+use crate::picker::{PickError, Picker, ReleaseMoment, Step};
 use crate::stop_request::StopRequest;
 use crate::task_event::TaskEvent;
 use crate::workcell::Workcell;
@@ -99,8 +99,10 @@ pub fn tidy<W: Workcell>(
         detector: detector.name(),
         ..TidyReport::default()
     };
-    if let Err(error) = run(picker, detector, options, &mut report) {
-        report.error = Some(error);
+    match run(picker, detector, options, &mut report) {
+        Ok(()) => {}
+        Err(TidyError::Detect(DetectError::Stopped)) => report.stopped = true,
+        Err(error) => report.error = Some(error),
     }
     let error = report.error.as_ref().map(|error| error as _);
     picker.notify_end(report.stopped, error);
@@ -168,7 +170,10 @@ fn attempt<W: Workcell>(
     let others: Vec<Item> = others.cloned().collect();
     let (container, destination) = container_of(item.class);
     picker.notify(&TaskEvent::Chosen { item, destination });
-    let look = || *seen = Some(detector.detect());
+    let look = |moment| match moment {
+        ReleaseMoment::Arrived => detector.begin_detection(),
+        ReleaseMoment::Opening => *seen = Some(detector.finish_detection()),
+    };
     let outcome = picker.pick_and_place_with(item, &others, container, first, look);
     if !outcome.as_ref().is_err_and(PickError::moves_nothing) {
         report.attempts += 1;

@@ -93,6 +93,40 @@ fn a_prism_is_placed() {
     );
 }
 
+/// No finger fits between them: both were left.
+#[test]
+fn prisms_that_face_each_other_are_placed() {
+    let (side, gap) = (0.09, 0.021);
+    let apothem = side / (2.0 * 3.0_f64.sqrt());
+    let prism = Shape::Prism { side, height: 0.06 };
+    let mut scene = Scene::empty();
+    // The side of each that is at its negative x is towards the other.
+    for (sign, yaw) in [(1.0, 0.0), (-1.0, std::f64::consts::PI)] {
+        let x = 0.55 + sign * (apothem + gap / 2.0);
+        scene.put(prism, x, 0.05, yaw, Finish::default());
+    }
+    let table = shared(scene, SimulationOptions::default());
+    table.borrow_mut().step(0.3);
+    let mut picker = support::picker(SimulatedCell(table.clone())).unwrap();
+    let mut detector = Truth {
+        table: table.clone(),
+        random: Random::new(1),
+        noise: 0.001,
+    };
+    let report = tidy(&mut picker, &mut detector, &TidyOptions::default());
+    assert_eq!((report.released, report.attempts), (2, 2), "{report:?}");
+    table.borrow_mut().step(1.0);
+    let table = table.borrow();
+    let scene = table.simulation.scene();
+    assert!(
+        scene
+            .objects
+            .iter()
+            .all(|object| support::is_placed(scene, object))
+    );
+    assert_eq!(table.touched, 0, "the robot touched table or baskets");
+}
+
 #[test]
 fn a_glass_is_placed() {
     check_placed(
@@ -251,7 +285,14 @@ fn the_hand_takes_its_shape_on_the_way_only_where_there_is_room() {
 fn objects_are_detected_while_the_hand_opens() {
     struct Watching {
         truth: Truth,
-        busy: Vec<bool>,
+        told: Vec<(&'static str, bool)>,
+    }
+    impl Watching {
+        /// Notes a call, and whether the hand is busy.
+        fn note(&mut self, call: &'static str) {
+            let is_busy = self.truth.table.borrow().simulation.hand().is_busy();
+            self.told.push((call, is_busy));
+        }
     }
     impl Detector for Watching {
         fn name(&self) -> &'static str {
@@ -259,24 +300,40 @@ fn objects_are_detected_while_the_hand_opens() {
         }
 
         fn detect(&mut self) -> Result<Vec<Item>, DetectError> {
-            let is_busy = self.truth.table.borrow().simulation.hand().is_busy();
-            self.busy.push(is_busy);
+            self.note("detect");
+            self.truth.detect()
+        }
+
+        fn begin_detection(&mut self) {
+            self.note("begin");
+        }
+
+        fn finish_detection(&mut self) -> Result<Vec<Item>, DetectError> {
+            self.note("finish");
             self.truth.detect()
         }
     }
     let (table, mut picker, _) = table(BOX, 0.55, 0.05);
     let mut detector = Watching {
         truth: Truth {
-            table,
+            table: table.clone(),
             random: Random::for_purpose(1, 1),
             noise: 0.0,
         },
-        busy: Vec::new(),
+        told: Vec::new(),
     };
     let report = tidy(&mut picker, &mut detector, &TidyOptions::default());
     assert_eq!((report.released, report.left.len()), (1, 0), "{report:?}");
-    // At first, during the release, and once more before an empty table is believed.
-    assert_eq!(detector.busy, [false, true, false]);
+    // At first, from the arrival to the release, and once more before an empty table is believed.
+    let expected = [
+        ("detect", false),
+        ("begin", false),
+        ("finish", true),
+        ("detect", false),
+    ];
+    assert_eq!(detector.told, expected);
+    // The containers are measured while the fingers close.
+    assert_eq!(table.borrow().looks_of_a_busy_hand, 1);
 }
 
 /// A carton of 1.05 kg slipped in every sixth grasp; a small box would be turned by fingers that curl below it.
@@ -822,6 +879,27 @@ fn an_object_whose_lift_is_blocked_is_put_back() {
         PickError::Blocked { step, .. } => assert_eq!(step, lift),
         other => panic!("{other}"),
     }
+    assert!((height(&table) - before).abs() < 0.01, "{}", height(&table));
+    let clutches = table.borrow().simulation.hand().clutches();
+    assert!(clutches.iter().all(Option::is_none), "{clutches:?}");
+}
+
+/// The arm stopped itself on the way back, too, and the run ended with the object above its place.
+#[test]
+fn an_object_is_put_back_although_the_way_back_is_blocked_once() {
+    let mut is_lifted = false;
+    let (table, mut picker, item) = deaf_until(2, 0, move |table: &Shared| {
+        // High enough that an arm that stays there is behind on its way back.
+        is_lifted |= height(table) > 0.1;
+        !is_lifted
+    });
+    let before = height(&table);
+    let error = picker.pick_and_place(&item, &[], 0, 0).unwrap_err();
+    let step = Step::Lift;
+    assert!(
+        matches!(error, PickError::Blocked { step: at, .. } if at == step),
+        "{error}"
+    );
     assert!((height(&table) - before).abs() < 0.01, "{}", height(&table));
     let clutches = table.borrow().simulation.hand().clutches();
     assert!(clutches.iter().all(Option::is_none), "{clutches:?}");

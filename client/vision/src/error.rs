@@ -69,6 +69,14 @@ pub enum VisionError {
         /// Standard deviation of the grey values.
         deviation: f64,
     },
+    /// A depth image shows neither objects nor anything below them.
+    #[error(
+        "the depth image shows no table ({percent:.0} % of it are no nearer than objects on the table); check whether something is in front of the sensor, and its calibration", percent = 100.0 * share
+    )]
+    NoTable {
+        /// Share of the image that is no nearer than objects on the table.
+        share: f64,
+    },
     /// An input does not have the expected form.
     #[error("{what}: expected {expected}, got {actual}")]
     Unsuitable {

@@ -8,6 +8,7 @@
 //! 3.5.0 and of 4.0.0, whose features have no effect in 3.5.0. Exits with 1 if any check failed.
 
 use std::process::ExitCode;
+use std::time::Duration;
 
 use yarp_conformance::live_checks::{CHECK_TIMEOUT, Checks};
 use yarp_devices::image::Crop;
@@ -17,6 +18,9 @@ use yarp_devices::{
 };
 use yarp_ports::Network;
 use yarp_wrappers::{RemoteFrameGrabber, RemoteFrameGrabberOptions};
+
+/// Period in which a camera that is not paused sends several images.
+const SEVERAL_IMAGES: Duration = Duration::from_millis(500);
 
 fn main() -> ExitCode {
     let words: Vec<String> = std::env::args().skip(1).collect();
@@ -72,6 +76,17 @@ fn drive(checks: &mut Checks, camera: &RemoteFrameGrabber, generation: &str, str
         let number = camera.image().map_or(0, |frame| frame.number);
         checks.until(
             "numbers go up",
+            || camera.image().map(|frame| frame.number),
+            |next| *next > number,
+        );
+        camera.pause();
+        std::thread::sleep(SEVERAL_IMAGES);
+        checks.check("no image of a pause", Ok(camera.image().is_err()), |none| {
+            *none
+        });
+        camera.resume();
+        checks.until(
+            "numbers go up after a pause",
             || camera.image().map(|frame| frame.number),
             |next| *next > number,
         );

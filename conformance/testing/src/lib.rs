@@ -17,13 +17,19 @@ pub fn eventually(what: &str, mut condition: impl FnMut() -> bool) {
 
 /// Waits until `attempt` returns a value; panics with `what` after [`TIMEOUT`].
 #[track_caller]
-pub fn until<T>(what: &str, mut attempt: impl FnMut() -> Option<T>) -> T {
-    let deadline = Instant::now() + TIMEOUT;
+pub fn until<T>(what: &str, attempt: impl FnMut() -> Option<T>) -> T {
+    until_within(TIMEOUT, what, attempt)
+}
+
+/// Waits until `attempt` returns a value; panics with `what` after `timeout`.
+#[track_caller]
+pub fn until_within<T>(timeout: Duration, what: &str, mut attempt: impl FnMut() -> Option<T>) -> T {
+    let deadline = Instant::now() + timeout;
     loop {
         if let Some(value) = attempt() {
             return value;
         }
-        assert!(Instant::now() < deadline, "not within {TIMEOUT:?}: {what}");
+        assert!(Instant::now() < deadline, "not within {timeout:?}: {what}");
         thread::sleep(POLL_INTERVAL);
     }
 }

@@ -1,23 +1,21 @@
 //! Measures the containers by depth sensors on the network.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use nalgebra::Point3;
 use yarp_client::{Camera, Network};
-use yarp_devices::FrameGrabberImage as _;
 use yarp_table::{DEPTH_FROM, DEPTH_STEP, Scene};
+
+use super::fresh_image::{NoImage, connect_resting, fresh_images};
 
 /// Maximum wait for images that are newer than a request: without them the heights are estimates.
 const IMAGE_TIMEOUT: Duration = Duration::from_secs(5);
-/// Images of each camera that a request waits for: the first may have been under way when it came.
-const NEW_IMAGES: u64 = 2;
-/// Interval between two looks for a new image.
-const POLL_INTERVAL: Duration = Duration::from_millis(5);
 
 /// Depth sensors above the containers of a table.
 #[derive(Debug)]
 pub struct ContainerView {
-    cameras: Vec<(Camera, yarp_table::Camera)>,
+    cameras: [Camera; 2],
+    places: [yarp_table::Camera; 2],
 }
 
 impl ContainerView {
@@ -28,49 +26,34 @@ impl ContainerView {
     ///
     /// Errors: those of [`Camera::connect_on`].
     pub fn connect(network: &Network, prefix: &str) -> yarp_client::Result<Self> {
-        let places = Scene::empty().basket_cameras();
-        let cameras = Self::NAMES.iter().zip(places).map(|(name, place)| {
-            let camera = Camera::connect_on(network, &format!("{prefix}/{name}"))?;
-            Ok((camera, place))
-        });
+        let [right, left] = Self::NAMES.map(|name| format!("{prefix}/{name}"));
+        let cameras = [
+            connect_resting(network, &right)?,
+            connect_resting(network, &left)?,
+        ];
         Ok(Self {
-            cameras: cameras.collect::<yarp_client::Result<_>>()?,
+            cameras,
+            places: Scene::empty().basket_cameras(),
         })
     }
 
     /// Returns points on the surfaces that the sensors see now; none of a sensor that delivers nothing new.
     pub fn look(&mut self) -> Vec<Point3<f64>> {
-        let numbers: Vec<Option<u64>> = self
-            .cameras
-            .iter()
-            .map(|(camera, _)| camera.image().ok().map(|frame| frame.number))
-            .collect();
+        let frames = fresh_images(self.cameras.each_ref(), IMAGE_TIMEOUT);
         let mut points = Vec::new();
-        for ((camera, place), seen) in self.cameras.iter().zip(numbers) {
-            match newer(camera, seen.unwrap_or(0)) {
-                Some(grey) => add_points(&grey, place, &mut points),
-                None => tracing::warn!(
+        for ((camera, place), frame) in self.cameras.iter().zip(&self.places).zip(frames) {
+            let grey = frame.and_then(|frame| frame.to_mono().map_err(NoImage::Failed));
+            match grey {
+                Ok(frame) => add_points(&frame.image, place, &mut points),
+                Err(error) => tracing::warn!(
                     camera = camera.remote(),
+                    %error,
                     "no new depth image; the heights in the containers are estimates"
                 ),
             }
         }
         points
     }
-}
-
-/// Returns a depth image that was taken after the one with this number.
-fn newer(camera: &Camera, seen: u64) -> Option<yarp_devices::image::Image> {
-    let start = Instant::now();
-    while start.elapsed() < IMAGE_TIMEOUT {
-        match camera.image() {
-            Ok(frame) if frame.number >= seen + NEW_IMAGES => {
-                return frame.to_mono().ok().map(|frame| frame.image);
-            }
-            _ => std::thread::sleep(POLL_INTERVAL),
-        }
-    }
-    None
 }
 
 /// Adds the points of a grey depth image, whose value 0 is no measurement.

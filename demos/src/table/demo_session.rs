@@ -8,10 +8,11 @@ use serde_json::Value;
 use yarp_client::ports::blocking::wait;
 use yarp_client::{Hand, Network, RemoteClock, Robot};
 use yarp_manipulation::{
-    Detector, GraspScripts, Picker, PickerOptions, RemoteWorkcell, Stop, Surroundings, Workcell,
+    BackgroundDetector, Detector, GraspScripts, Picker, PickerOptions, RemoteWorkcell, Stop,
+    Surroundings, Workcell,
 };
 use yarp_nameserver::{Server, ServerOptions};
-use yarp_table::{LiveOptions, LiveTable, Placement, Scene, arm_model};
+use yarp_table::{LiveOptions, LiveTable, Placement, Scene, TableArm, arm_model};
 use yarp_view::{LogLines, View};
 
 use super::served_table::CLOCK;
@@ -70,6 +71,8 @@ pub struct TableDemoOptions {
     pub seed: u64,
     /// Speed of the table relative to real time, 0.1 to 20.
     pub speed: f64,
+    /// The arm of a table in this process.
+    pub arm: TableArm,
     /// Standard deviation of a detected place along x and y, m.
     pub noise: f64,
     /// Source of the objects.
@@ -90,6 +93,7 @@ impl Default for TableDemoOptions {
             objects: 8,
             seed: 1,
             speed: 2.0,
+            arm: TableArm::default(),
             noise: NOISE,
             detector: DetectorChoice::default(),
             files: TableFiles::default(),
@@ -112,6 +116,7 @@ pub(super) fn write_result(result: &Value, json: bool, out: &mut dyn Write) -> i
 pub(super) struct TableEnd {
     pub(super) scene: Scene,
     pub(super) collisions: u64,
+    pub(super) lost_frames: u64,
     /// Seconds that passed for the robot, and here.
     pub(super) simulated: f64,
     pub(super) wall: f64,
@@ -137,6 +142,7 @@ pub(super) fn with_table<R>(
     };
     let mut live = LiveOptions::default();
     live.speed = options.speed;
+    live.arm = options.arm;
     live.seed = options.seed;
     let serving = ServedTableOptions {
         speed: options.speed,
@@ -157,6 +163,7 @@ pub(super) fn with_table<R>(
         let end = TableEnd {
             scene: served.table().scene(),
             collisions: after.collisions - before.collisions,
+            lost_frames: after.lost_frames - before.lost_frames,
             simulated: (after.simulated - before.simulated).as_secs_f64(),
             wall: wall.as_secs_f64(),
         };
@@ -227,6 +234,10 @@ pub(super) fn show_task<W: Workcell>(
     }
 }
 
+fn background(detector: impl Detector + Send + 'static, stop: &Stop) -> Box<dyn Detector> {
+    Box::new(BackgroundDetector::new(detector, stop.clone()))
+}
+
 /// Connects to arm, hand, sensors and the source of objects of a table somewhere on the network.
 pub(super) fn connect(
     network: &Network,
@@ -243,20 +254,16 @@ pub(super) fn connect(
     let arm = Robot::connect_on(network, &names[0])?;
     let hand = Hand::connect_on(network, &names[1])?;
     let detector: Box<dyn Detector> = match &options.detector {
-        DetectorChoice::Port(name) => Box::new(RemoteDetector::connect(network, name)?),
+        DetectorChoice::Port(name) => background(RemoteDetector::connect(network, name)?, stop),
         DetectorChoice::Truth => {
             let truth = format!("{prefix}/truth/rpc:i");
             let (noise, seed) = (options.noise, options.seed);
-            Box::new(RemoteTruth::connect(network, &truth, noise, seed)?)
+            background(RemoteTruth::connect(network, &truth, noise, seed)?, stop)
         }
         #[cfg(feature = "vision")]
         DetectorChoice::Vision => {
-            let cameras = ["camera", "depth"].map(|name| format!("{prefix}/{name}"));
-            Box::new(super::RemoteVision::connect(
-                network,
-                cameras,
-                &options.files,
-            )?)
+            let files = &options.files;
+            background(super::RemoteVision::connect(network, prefix, files)?, stop)
         }
     };
     let mut cell = RemoteWorkcell::new(arm, hand, [&names[0], &names[1]], options.speed);

@@ -1,12 +1,12 @@
 //! Objects on a table as bottles: what a program that detects them answers to `list`.
 
 use nalgebra::{Rotation3, Translation3};
-use yarp_client::{Bottle, Value};
+use yarp_client::{Bottle, Network, RpcServer, Value, bottle};
 use yarp_devices::kinematics::Pose;
 use yarp_manipulation::{Class, Item, ItemShape};
 
 /// Maximum number of objects of a reply.
-pub(super) const MAX_OBJECTS: usize = 1000;
+const MAX_OBJECTS: usize = 1000;
 
 /// Returns an entry: `id word x y z roll pitch yaw (sizes) label`, in m and rad.
 ///
@@ -82,6 +82,26 @@ pub(super) fn read(entry: &Bottle) -> Option<Item> {
         class,
         shape,
         pose: Pose::from_parts(place, turn),
+    })
+}
+
+/// Opens a port that answers `list` with `is` and the entries of `list`, at most [`MAX_OBJECTS`], or with `fail` and the reason.
+pub(super) fn serve(
+    network: &Network,
+    name: &str,
+    list: impl Fn() -> Result<Vec<Bottle>, String> + Send + Sync + 'static,
+) -> yarp_client::Result<RpcServer> {
+    RpcServer::open_on(network, name, move |request: Bottle| {
+        if request.get(0).and_then(Value::as_str) != Some("list") {
+            return bottle!["fail", "expected list"];
+        }
+        match list() {
+            Ok(entries) => {
+                let entries = entries.into_iter().take(MAX_OBJECTS).map(Value::List);
+                entries.fold(bottle!["is"], Bottle::with)
+            }
+            Err(why) => bottle!["fail", why],
+        }
     })
 }
 

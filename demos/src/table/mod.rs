@@ -2,11 +2,13 @@
 //!
 //! | module | content |
 //! | --- | --- |
-//! | `served_table` | [`ServedTable`]: arm, hand, cameras, scene, clock and truth of a table on ports |
+//! | `served_table` | [`ServedTable`]: arm, hand, cameras, scene, clock, truth and faults of a table on ports |
 //! | `scene_message`, `table_clock` | the scene as a message for viewers, and the time that passed on the table |
 //! | `task_display` | messages that show a task in the live view |
 //! | `container_view` | [`ContainerView`]: what depth sensors see in the baskets |
+//! | `fresh_image` | images that were taken after they were asked for, of cameras that rest in between |
 //! | `truth` | [`RemoteTruth`]: a detector that asks the table itself, with noise |
+//! | `fault_injection` | the port at which a program breaks cameras and hand on purpose |
 //! | `vision` | a detector that looks through the table's cameras (feature `vision`) |
 //! | `item_message`, `remote_detector` | objects as bottles, and [`RemoteDetector`]: a detector that asks another program |
 //! | `vision_server` | recognition as a program of its own (feature `vision`) |
@@ -17,6 +19,8 @@
 
 mod container_view;
 mod demo_session;
+mod fault_injection;
+mod fresh_image;
 mod item_message;
 mod remote_detector;
 pub mod reorder;

@@ -15,6 +15,7 @@ use yarp_wrappers::{
 
 use super::TableDemoError;
 use super::container_view::ContainerView;
+use super::fault_injection::serve_faults;
 use super::scene_message;
 use super::table_clock;
 use super::truth::serve_truth;
@@ -43,6 +44,8 @@ pub struct ServedTableOptions {
     pub speed: f64,
     /// Images of a camera in a second while somebody watches.
     pub rate: f64,
+    /// True to serve `PREFIX/faults/rpc:i`, at which anybody may break cameras and hand; false by default.
+    pub faults: bool,
 }
 
 impl Default for ServedTableOptions {
@@ -51,6 +54,7 @@ impl Default for ServedTableOptions {
             prefix: String::new(),
             speed: 1.0,
             rate: 5.0,
+            faults: false,
         }
     }
 }
@@ -74,7 +78,7 @@ impl ServedTableOptions {
     }
 }
 
-/// Arm, hand, cameras, scene, clock and truth of a table, each on its ports.
+/// Arm, hand, cameras, scene, clock, truth and faults of a table, each on its ports.
 pub struct ServedTable {
     table: Arc<LiveTable>,
     arm: ControlBoardServer,
@@ -83,7 +87,8 @@ pub struct ServedTable {
     cameras: Vec<FrameGrabberServer>,
     /// Scene and clock, and the tasks that publish them.
     published: Vec<(Arc<Port>, JoinHandle<()>)>,
-    truth: RpcServer,
+    /// Truth, and faults if they are served.
+    rpc_servers: Vec<RpcServer>,
 }
 
 impl std::fmt::Debug for ServedTable {
@@ -96,7 +101,8 @@ impl std::fmt::Debug for ServedTable {
 
 impl ServedTable {
     /// Opens the ports: `PREFIX/wam`, `PREFIX/hand`, `PREFIX/camera`, `PREFIX/depth`, `PREFIX/baskets/right`,
-    /// `PREFIX/baskets/left`, `PREFIX/table/scene:o`, `PREFIX/table/clock:o` and `PREFIX/truth/rpc:i`.
+    /// `PREFIX/baskets/left`, `PREFIX/table/scene:o`, `PREFIX/table/clock:o`, `PREFIX/truth/rpc:i`; also
+    /// `PREFIX/faults/rpc:i` if that is asked for.
     ///
     /// Errors: a name is taken or refused, or the name server cannot be reached.
     pub async fn open(
@@ -132,9 +138,16 @@ impl ServedTable {
             Ok::<_, TableDemoError>(Arc::new(port))
         };
         let (scene, clock) = (port(SCENE).await?, port(CLOCK).await?);
-        let (network, name, shared) = (network.clone(), name("truth/rpc:i"), table.shared_scene());
-        let truth = spawn_blocking(move || serve_truth(&network, &name, shared));
-        let truth = truth.await.expect("opening a port does not panic")?;
+        let (truth, faults) = (name("truth/rpc:i"), name("faults/rpc:i"));
+        let (network, shared_table, has_faults) = (network.clone(), table.clone(), options.faults);
+        let rpc_servers = spawn_blocking(move || {
+            let mut servers = vec![serve_truth(&network, &truth, shared_table.shared_scene())?];
+            if has_faults {
+                servers.push(serve_faults(&network, &faults, &shared_table)?);
+            }
+            Ok::<_, TableDemoError>(servers)
+        });
+        let rpc_servers = rpc_servers.await.expect("opening a port does not panic")?;
         let scenes = tokio::spawn(scene_message::publish(table.clone(), scene.clone()));
         let times = tokio::spawn(table_clock::publish(table.clone(), clock.clone()));
         Ok(Self {
@@ -144,7 +157,7 @@ impl ServedTable {
             grasps,
             cameras,
             published: vec![(scene, scenes), (clock, times)],
-            truth,
+            rpc_servers,
         })
     }
 
@@ -162,7 +175,7 @@ impl ServedTable {
             grasps,
             cameras,
             published,
-            truth,
+            rpc_servers,
         } = self;
         for (port, publisher) in published {
             publisher.abort();
@@ -180,6 +193,6 @@ impl ServedTable {
         hand.close().await;
         arm.close().await;
         // Waits for threads, which is no work for the executor.
-        let _ = spawn_blocking(move || drop((truth, table))).await;
+        let _ = spawn_blocking(move || drop((rpc_servers, table))).await;
     }
 }

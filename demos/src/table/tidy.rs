@@ -54,6 +54,7 @@ pub fn run(
         "misclassified": truth.map(|truth| truth.misclassified),
         "not_placed": truth.map(|truth| &truth.not_placed),
         "collisions": truth.map(|truth| truth.collisions),
+        "lost_frames": truth.map(|truth| truth.lost_frames),
         "simulated_seconds": truth.map(|truth| truth.simulated),
         "simulated_seconds_per_object": truth.map(|truth| truth.simulated / truth.objects.max(1) as f64),
         "wall_seconds": truth.map(|truth| truth.wall),
@@ -77,6 +78,7 @@ struct Judgement {
     /// Objects that are not in their basket, and where they are, m.
     not_placed: Vec<Value>,
     collisions: u64,
+    lost_frames: u64,
     simulated: f64,
     wall: f64,
 }
@@ -91,6 +93,7 @@ impl Judgement {
             misclassified: 0,
             not_placed: Vec::new(),
             collisions: 0,
+            lost_frames: 0,
             simulated: 0.0,
             wall: 0.0,
         };
@@ -160,6 +163,7 @@ fn tidy_here(
     let mut judgement = Judgement::of(&end.scene, &report);
     judgement.simulated = end.simulated;
     judgement.collisions = end.collisions;
+    judgement.lost_frames = end.lost_frames;
     judgement.wall = end.wall;
     Ok((report, judgement))
 }

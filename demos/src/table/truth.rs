@@ -3,11 +3,11 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use nalgebra::Rotation3;
-use yarp_client::{Bottle, Network, RpcClient, RpcServer, Value, bottle};
+use yarp_client::{Bottle, Network, RpcClient, RpcServer, bottle};
 use yarp_manipulation::{DetectError, Detector, Item};
 use yarp_table::{Object, Random, Scene, Shape};
 
-use super::item_message::{self, MAX_OBJECTS};
+use super::item_message;
 
 /// Height above the table's surface below which an object's bottom counts as standing on it, m: higher ones are held.
 const ON_TABLE: f64 = 0.03;
@@ -18,17 +18,9 @@ pub fn serve_truth(
     name: &str,
     scene: Arc<Mutex<Scene>>,
 ) -> yarp_client::Result<RpcServer> {
-    RpcServer::open_on(network, name, move |request: Bottle| {
-        let list = request.get(0).and_then(Value::as_str) == Some("list");
-        if !list {
-            return bottle!["fail", "expected list"];
-        }
-        let mut reply = bottle!["is"];
+    item_message::serve(network, name, move || {
         let scene = scene.lock().unwrap_or_else(PoisonError::into_inner);
-        for object in scene.objects.iter().take(MAX_OBJECTS) {
-            reply.push(Value::List(described(object)));
-        }
-        reply
+        Ok(scene.objects.iter().map(described).collect())
     })
 }
 

@@ -1,33 +1,27 @@
 //! A detector that looks through the table's cameras, over the network.
 
 use std::panic::resume_unwind;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use nalgebra::{Rotation3, Translation3, Vector3};
 use yarp_client::{Camera, Network};
 use yarp_devices::kinematics::Pose;
-use yarp_manipulation::{Class, DetectError, Detector, Item, ItemShape};
+use yarp_manipulation::{Class, DetectError, Detector, Item, ItemShape, Surroundings};
 use yarp_table::{DEPTH_FROM, DEPTH_STEP};
 use yarp_vision::calibration::{CalibrationError, CalibrationFile, CameraWatch};
-use yarp_vision::image_source::{ImageSource, RemoteImages};
 use yarp_vision::simulated::{table_database, table_setup};
 use yarp_vision::{
     DepthImage, DetectorParameters, DetectorSetup, FoundObject, Frame, Image, ObjectDatabase,
     Shape, VisionError,
 };
 
+use super::fresh_image::{NoImage, connect_resting, fresh_images};
 use super::{TableDemoError, TableFiles};
 
 /// Name in reports.
 const NAME: &str = "vision";
 /// Maximum wait for images that are newer than a request.
 const IMAGE_TIMEOUT: Duration = Duration::from_secs(20);
-/// Maximum time without any image: a simulated camera on a busy machine needs seconds.
-const STREAM_TIMEOUT: Duration = Duration::from_secs(15);
-/// Images of each camera that a request waits for: when it came, one may have been on its way here and the next one being taken.
-const NEW_IMAGES: u64 = 3;
-/// Interval between two looks for a new image.
-const POLL_INTERVAL: Duration = Duration::from_millis(5);
 /// Largest distance of an object from where it was in the detection before, m.
 const SAME_PLACE: f64 = 0.03;
 
@@ -36,39 +30,34 @@ const SAME_PLACE: f64 = 0.03;
 enum Watch {
     /// The first image will be the reference.
     Begins,
-    Goes(CameraWatch),
+    Goes(Box<CameraWatch>),
     /// The scene has nothing to recognise it by.
     Impossible,
 }
 
 impl Watch {
-    /// Refuses an image of a camera that has moved, or whose lens is covered.
+    /// Refuses an image of a camera that has moved, and one that cannot be compared, such as with a covered lens.
     fn check(
         &mut self,
         image: &Image,
         setup: &DetectorSetup,
         camera: &str,
-    ) -> Result<(), DetectError> {
+    ) -> Result<(), CalibrationError> {
         match self {
             Self::Impossible => Ok(()),
             Self::Goes(watch) => {
                 let seen = watch.check(image, &setup.camera, setup.surface);
-                tracing::debug!(?seen, "displacement of the camera");
-                seen.map(drop).map_err(|error| match error {
-                    CalibrationError::CameraMoved { pixels, .. } => {
-                        DetectError::CameraMoved { pixels }
-                    }
-                    other => failed(other),
-                })
+                tracing::debug!("displacement of the camera: {seen:?}");
+                seen.map(drop)
             }
             Self::Begins => {
                 *self = match CameraWatch::new(image) {
-                    Ok(watch) => Self::Goes(watch),
+                    Ok(watch) => Self::Goes(Box::new(watch)),
                     Err(error @ CalibrationError::SceneNotRecognised { .. }) => {
                         tracing::warn!(camera, %error, "nobody will notice if the camera moves");
                         Self::Impossible
                     }
-                    Err(error) => return Err(failed(error)),
+                    Err(error) => return Err(error),
                 };
                 Ok(())
             }
@@ -82,9 +71,8 @@ impl Watch {
 /// file, or else by the first image.
 #[derive(Debug)]
 pub struct RemoteVision {
-    colour: RemoteImages,
-    depth: RemoteImages,
-    names: [String; 2],
+    colour: Camera,
+    depth: Camera,
     setup: DetectorSetup,
     watch: Watch,
     detector: yarp_vision::Detector,
@@ -94,27 +82,24 @@ pub struct RemoteVision {
 }
 
 impl RemoteVision {
-    /// Connects to the cameras of these names.
+    /// Connects to the colour camera `PREFIX/camera` and the depth sensor `PREFIX/depth`.
     ///
     /// Without a file its part of the setup is that of the simulated table.
     ///
     /// Errors: those of [`Camera::connect_on`], of the files, and of the detector's prints.
     pub fn connect(
         network: &Network,
-        names: [String; 2],
+        prefix: &str,
         files: &TableFiles,
     ) -> Result<Self, TableDemoError> {
-        let images = |name: &str| -> Result<RemoteImages, VisionError> {
-            let camera = Camera::connect_on(network, name)?;
-            Ok(RemoteImages::new(camera, STREAM_TIMEOUT))
-        };
+        let camera = |name| connect_resting(network, &format!("{prefix}/{name}"));
         let mut setup = table_setup();
         let mut watch = Watch::Begins;
         if let Some(path) = &files.calibration {
             let file = CalibrationFile::read(path)?;
             setup.camera = file.camera(path)?;
             if let Some(scene) = &file.scene {
-                watch = Watch::Goes(CameraWatch::new(scene)?);
+                watch = Watch::Goes(Box::new(CameraWatch::new(scene)?));
             }
         }
         if let Some(path) = &files.depth_calibration {
@@ -130,10 +115,9 @@ impl RemoteVision {
             ..DetectorParameters::default()
         };
         Ok(Self {
-            colour: images(&names[0])?,
-            depth: images(&names[1])?,
+            colour: camera("camera")?,
+            depth: camera("depth")?,
             detector: yarp_vision::Detector::new(database, setup.clone(), parameters)?,
-            names,
             setup,
             watch,
             known: Vec::new(),
@@ -142,25 +126,30 @@ impl RemoteVision {
     }
 
     fn look(&mut self) -> Result<Vec<FoundObject>, DetectError> {
-        // Both before either is waited for: they are taken at the same time.
-        let colour = self.colour.latest().map_err(failed)?;
-        let depth = self.depth.latest().map_err(failed)?;
-        let colour = newer(&mut self.colour, &self.names[0], &colour, IMAGE_TIMEOUT)?;
-        let depth = newer(&mut self.depth, &self.names[1], &depth, IMAGE_TIMEOUT)?;
+        let cameras = [&self.colour, &self.depth];
+        let [colour, depth] = fresh_images(cameras, IMAGE_TIMEOUT);
+        let colour = judged(colour, &self.colour)?;
+        let depth = judged(depth, &self.depth)?;
         let depth = depth.to_mono().map_err(failed)?.image;
         let depth = DepthImage::from_grey(&depth, f64::from(DEPTH_FROM), f64::from(DEPTH_STEP));
         let depth = depth.map_err(failed)?;
         let image = &colour.image;
         let (watch, detector) = (&mut self.watch, &mut self.detector);
-        let (setup, camera) = (&self.setup, &self.names[0]);
+        let (setup, camera) = (&self.setup, self.colour.remote());
         // Side by side: each takes about a tenth of a second, during which the robot may wait.
         let (checked, found) = std::thread::scope(|scope| {
             let check = scope.spawn(move || watch.check(image, setup, camera));
-            let found = detector.detect(image, Some(&depth)).map_err(failed);
+            let found = detector.detect(image, Some(&depth));
             let checked = check.join().unwrap_or_else(|panic| resume_unwind(panic));
             (checked, found)
         });
-        checked.and(found)
+        let Surroundings {
+            table_x, table_y, ..
+        } = Surroundings::default();
+        let [low, high] = [0, 1].map(|end: usize| [table_x[end], table_y[end]]);
+        judged_by(checked, found, || {
+            self.detector.is_table_empty(&depth, low, high)
+        })
     }
 
     fn item(&mut self, found: &FoundObject) -> Option<Item> {
@@ -195,40 +184,50 @@ impl Detector for RemoteVision {
     }
 }
 
-/// Waits for an image that was taken after `seen` had come.
+/// Returns what was found, unless the check of the camera forbids to rely on it.
 ///
-/// A camera that repeats an image pixel by pixel is frozen: in a new one at least the noise is another.
-fn newer(
-    images: &mut dyn ImageSource,
-    name: &str,
-    seen: &Frame,
-    timeout: Duration,
-) -> Result<Frame, DetectError> {
-    let start = Instant::now();
-    loop {
-        let frame = images.latest().map_err(failed)?;
-        let is_new = frame.number >= seen.number + NEW_IMAGES;
-        if is_new && frame.image != seen.image {
-            return Ok(frame);
-        }
-        if start.elapsed() >= timeout {
-            let (detector, peer) = (NAME, name.to_owned());
-            let seconds = timeout.as_secs_f64();
-            return Err(match is_new {
-                true => DetectError::Frozen {
-                    detector,
-                    peer,
-                    seconds,
-                },
-                false => DetectError::Stale {
-                    detector,
-                    peer,
-                    seconds,
-                },
-            });
-        }
-        std::thread::sleep(POLL_INTERVAL);
+/// An empty table may be as uniform as a covered lens; the depth sensor tells them apart, and nothing will be moved.
+fn judged_by(
+    checked: Result<(), CalibrationError>,
+    found: Result<Vec<FoundObject>, VisionError>,
+    is_table_empty: impl Fn() -> Result<bool, VisionError>,
+) -> Result<Vec<FoundObject>, DetectError> {
+    if let Err(CalibrationError::CameraMoved { pixels, .. }) = checked {
+        return Err(DetectError::CameraMoved { pixels });
     }
+    let is_uniform = matches!(
+        checked,
+        Err(CalibrationError::Covered { .. } | CalibrationError::SceneNotRecognised { .. })
+    );
+    let may_be_empty = match &found {
+        Ok(found) => is_uniform && found.is_empty(),
+        Err(VisionError::NoContrast { .. }) => is_uniform || checked.is_ok(),
+        Err(_) => false,
+    };
+    if may_be_empty && is_table_empty().map_err(failed)? {
+        return Ok(Vec::new());
+    }
+    checked.map_err(failed)?;
+    found.map_err(failed)
+}
+
+/// Returns the image of a camera, or the reason why there is none.
+fn judged(image: Result<Frame, NoImage>, camera: &Camera) -> Result<Frame, DetectError> {
+    let (detector, seconds) = (NAME, IMAGE_TIMEOUT.as_secs_f64());
+    let peer = camera.remote().to_owned();
+    image.map_err(|why| match why {
+        NoImage::Stale => DetectError::Stale {
+            detector,
+            peer,
+            seconds,
+        },
+        NoImage::Frozen => DetectError::Frozen {
+            detector,
+            peer,
+            seconds,
+        },
+        NoImage::Failed(error) => failed(error),
+    })
 }
 
 fn failed(error: impl std::error::Error + Send + Sync + 'static) -> DetectError {
@@ -277,50 +276,60 @@ fn described(found: &FoundObject, setup: &DetectorSetup) -> Option<(Class, ItemS
 
 #[cfg(test)]
 mod tests {
-    use yarp_devices::image::{Image, PixelFormat};
-
     use super::*;
 
-    /// A camera whose images get new numbers, and another content from a number on.
-    struct Repeating {
-        number: u64,
-        changes_at: u64,
-    }
-
-    impl ImageSource for Repeating {
-        fn latest(&mut self) -> Result<Frame, VisionError> {
-            self.number += 1;
-            let value = u8::from(self.number >= self.changes_at);
-            let image = Image::new(PixelFormat::Mono, 1, 1, vec![value]);
-            Ok(Frame {
-                image: image.expect("the size fits"),
-                number: self.number,
-                time: 0.0,
-            })
-        }
-    }
-
-    fn look(changes_at: u64) -> Result<Frame, DetectError> {
-        let mut camera = Repeating {
-            number: 0,
-            changes_at,
+    #[test]
+    fn only_an_empty_table_may_be_unrecognisable() {
+        let covered = || CalibrationError::Covered {
+            image: "the image".to_owned(),
+            mean: 145.0,
+            contrast: 3.6,
         };
-        let seen = camera.latest().expect("it has an image");
-        newer(&mut camera, "/camera", &seen, Duration::from_millis(200))
-    }
-
-    /// Objects were picked where they had been when the camera froze.
-    #[test]
-    fn a_camera_that_repeats_its_image_is_frozen() {
-        match look(u64::MAX) {
-            Err(DetectError::Frozen { peer, .. }) => assert_eq!(peer, "/camera"),
-            other => panic!("{other:?}"),
+        let unrecognised = || CalibrationError::SceneNotRecognised {
+            matches: 3,
+            expected: 12,
+        };
+        let moved = || CalibrationError::CameraMoved {
+            pixels: 5.0,
+            millimetres: 4.0,
+            tolerance: 2.0,
+        };
+        let dark = || VisionError::NoContrast {
+            mean: 145.0,
+            deviation: 3.6,
+        };
+        let case = |number: usize| match number {
+            0 => (Err(covered()), Ok(vec![])),
+            1 => (Err(unrecognised()), Ok(vec![])),
+            _ => (Ok(()), Err(dark())),
+        };
+        for number in 0..3 {
+            let judged = |is_table_empty: &dyn Fn() -> Result<bool, VisionError>| {
+                let (checked, found) = case(number);
+                judged_by(checked, found, is_table_empty)
+            };
+            assert_eq!(judged(&|| Ok(true)).unwrap(), []);
+            assert!(judged(&|| Ok(false)).is_err());
+            let error = judged(&|| Err(VisionError::NoTable { share: 0.0 })).unwrap_err();
+            assert!(error.to_string().contains("no table"), "{error}");
         }
-        assert_eq!(look(5).expect("a new image comes").number, 5);
-    }
-
-    #[test]
-    fn an_image_that_was_under_way_is_not_new() {
-        assert_eq!(look(2).expect("a new image comes").number, 1 + NEW_IMAGES);
+        assert_eq!(judged_by(Ok(()), Ok(vec![]), || Ok(false)).unwrap(), []);
+        // Something was found beside the table that the depth sensor shows to be empty.
+        let found = || {
+            FoundObject::without_pose(yarp_vision::Detection {
+                shape: Shape::Cylinder { radius: 5.0 },
+                centre: [10.0, 10.0],
+                contour: Vec::new(),
+                score: 1.0,
+            })
+        };
+        assert!(judged_by(Err(covered()), Ok(vec![found()]), || Ok(true)).is_err());
+        // Other errors are none of an empty table.
+        let other = VisionError::NoImageYet {
+            source_name: "depth".to_owned(),
+        };
+        assert!(judged_by(Err(covered()), Err(other), || Ok(true)).is_err());
+        let error = judged_by(Err(moved()), Ok(vec![]), || Ok(true)).unwrap_err();
+        assert!(matches!(error, DetectError::CameraMoved { .. }), "{error}");
     }
 }

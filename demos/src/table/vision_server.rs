@@ -2,10 +2,10 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use yarp_client::{Bottle, Network, RpcServer, Value, bottle};
+use yarp_client::{Network, RpcServer};
 use yarp_manipulation::Detector;
 
-use super::item_message::{self, MAX_OBJECTS};
+use super::item_message;
 use super::vision::RemoteVision;
 
 /// Opens a port that answers `list` with the objects that the cameras see now:
@@ -17,23 +17,15 @@ pub fn serve_vision(
 ) -> yarp_client::Result<RpcServer> {
     // One look at a time: the detector compares it with the one before.
     let vision = Mutex::new(vision);
-    RpcServer::open_on(network, name, move |request: Bottle| {
-        if request.get(0).and_then(Value::as_str) != Some("list") {
-            return bottle!["fail", "expected list"];
-        }
+    item_message::serve(network, name, move || {
         let mut vision = vision.lock().unwrap_or_else(PoisonError::into_inner);
         match vision.detect() {
-            Ok(items) => {
-                let mut reply = bottle!["is"];
-                for item in items.iter().take(MAX_OBJECTS) {
-                    reply.push(Value::List(item_message::of_item(item)));
-                }
-                reply
-            }
+            Ok(items) => Ok(items.iter().map(item_message::of_item).collect()),
             Err(error) => {
-                let why = yarp_client::ports::error_chain(&error);
+                // It contains its source.
+                let why = error.to_string();
                 tracing::warn!(error = why, "no objects");
-                bottle!["fail", why]
+                Err(why)
             }
         }
     })

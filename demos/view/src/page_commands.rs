@@ -18,6 +18,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use serde_json::Value as Json;
 use yarp_ports::{Network, Port};
 use yarp_wire::{Bottle, Value, Vocab32};
 
@@ -26,7 +27,7 @@ use crate::guiding::Guide;
 use crate::log_lines::LogLevel;
 use crate::view_model::Model;
 
-/// Joints of the arm.
+/// Maximum number of joints of the arm.
 const JOINTS: usize = 7;
 /// Axes of the hand.
 const HAND_AXES: usize = 4;
@@ -165,17 +166,19 @@ impl Control {
                 None => Ok(()),
             },
             Command::Guide { place } => {
-                let Some(present) = self.present() else {
-                    return Err(BoardError::NoState);
-                };
-                let joints = self.guide.towards(&present, place);
-                self.arm.send(&[set_positions(&joints)]).await
+                let targets = self
+                    .present()
+                    .and_then(|present| self.guide.towards(&present, place));
+                match targets {
+                    Some(targets) => self.arm.send(&[set_positions(&targets)]).await,
+                    None => Err(BoardError::NoState),
+                }
             }
             Command::Mode(mode) => {
                 self.model
                     .log
                     .add(LogLevel::Info, "view", &format!("control mode {mode}"));
-                self.arm.send(&[set_modes(mode)]).await
+                self.arm.send(&[set_modes(mode, self.joints())]).await
             }
             Command::Halt => {
                 let request = [stop()];
@@ -191,7 +194,7 @@ impl Control {
                 self.model
                     .log
                     .add(LogLevel::Error, "view", "emergency stop");
-                let (arm, hand) = ([stop(), set_modes("idl")], [stop()]);
+                let (arm, hand) = ([stop(), set_modes("idl", self.joints())], [stop()]);
                 let (arm, hand) = tokio::join!(
                     self.stop_arm.send(&arm),
                     send_hand(self.stop_hand.as_ref(), &hand)
@@ -199,7 +202,8 @@ impl Control {
                 arm.and(hand)
             }
             Command::Release => {
-                self.stop_arm.send(&[set_modes("pos")]).await?;
+                let modes = set_modes("pos", self.joints());
+                self.stop_arm.send(&[modes]).await?;
                 self.model.latest().stopped = false;
                 self.model
                     .log
@@ -210,11 +214,19 @@ impl Control {
     }
 
     /// Returns the latest joint positions of the arm, degrees, if it publishes all of them.
-    fn present(&self) -> Option<[f64; JOINTS]> {
+    fn present(&self) -> Option<Vec<f64>> {
+        self.positions()?.iter().map(Json::as_f64).collect()
+    }
+
+    /// Returns the number of joints that the arm publishes: a board refuses modes for another number.
+    fn joints(&self) -> usize {
+        self.positions().map_or(JOINTS, |positions| positions.len())
+    }
+
+    /// Returns the latest joint positions of the arm as they are published: some may be no numbers.
+    fn positions(&self) -> Option<Vec<Json>> {
         let latest = self.model.latest();
-        let positions = latest.arm.value.as_ref()?.json["p"].as_array()?;
-        let positions: Option<Vec<f64>> = positions.iter().map(serde_json::Value::as_f64).collect();
-        positions?.try_into().ok()
+        latest.arm.value.as_ref()?.json["p"].as_array().cloned()
     }
 
     pub(crate) async fn close(&self) {
@@ -249,8 +261,8 @@ fn set_positions(degrees: &[f64]) -> Bottle {
     Bottle::of(vocab("set")).with(vocab("poss")).with(targets)
 }
 
-fn set_modes(mode: &str) -> Bottle {
-    let modes = (0..JOINTS).fold(Bottle::new(), |modes, _| modes.with(vocab(mode)));
+fn set_modes(mode: &str, joints: usize) -> Bottle {
+    let modes = (0..joints).fold(Bottle::new(), |modes, _| modes.with(vocab(mode)));
     Bottle::of(vocab("set"))
         .with(vocab("icmd"))
         .with(vocab("cmds"))
@@ -310,6 +322,8 @@ mod tests {
         assert_eq!(all.to_string(), "[set] [poss] (1.0 -2.5)");
         assert_eq!(stop().to_string(), "[set] [stos]");
         let modes = "[set] [icmd] [cmds] ([idl] [idl] [idl] [idl] [idl] [idl] [idl])";
-        assert_eq!(set_modes("idl").to_string(), modes);
+        assert_eq!(set_modes("idl", 7).to_string(), modes);
+        let modes = "[set] [icmd] [cmds] ([pos] [pos] [pos] [pos])";
+        assert_eq!(set_modes("pos", 4).to_string(), modes);
     }
 }

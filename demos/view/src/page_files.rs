@@ -1,7 +1,10 @@
 //! Files of the page, compiled into the program, and those that describe the robot.
 
 use std::future::ready;
+use std::io::Read;
+use std::sync::LazyLock;
 
+use flate2::read::GzDecoder;
 use serde_json::{Value as Json, json};
 use yarp_devices::wam::WamModel;
 use yarp_ports::{Network, Page};
@@ -12,7 +15,7 @@ use crate::robot_urdf::RobotDescription;
 const SCRIPT: &str = "text/javascript";
 
 /// Address, media type and content of each file.
-const FILES: [(&str, &str, &str); 10] = [
+const FILES: [(&str, &str, &str); 9] = [
     ("", "text/html", include_str!("../web/page/index.html")),
     (
         "view/view.css",
@@ -50,17 +53,28 @@ const FILES: [(&str, &str, &str); 10] = [
         SCRIPT,
         include_str!("../web/page/controls.js"),
     ),
-    (
-        "view/scene.js",
-        SCRIPT,
-        include_str!(concat!(env!("OUT_DIR"), "/scene.js")),
-    ),
 ];
+
+/// Address of the three-dimensional part.
+const SCENE: &str = "view/scene.js";
+/// The three-dimensional part, compressed: it is larger than the rest of the page together.
+const COMPRESSED_SCENE: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/scene.js.gz"));
 
 /// Address below which the description of the robot is.
 const ROBOT: &str = "robot/";
 /// Address of the URDF document.
 const URDF: &str = "robot/wam.urdf";
+
+/// Returns the three-dimensional part; decompressed at the first call.
+fn scene() -> &'static str {
+    static SCENE: LazyLock<String> = LazyLock::new(|| {
+        let mut text = String::new();
+        let read = GzDecoder::new(COMPRESSED_SCENE).read_to_string(&mut text);
+        read.expect("it was compressed when this program was built");
+        text
+    });
+    &SCENE
+}
 
 /// The page and the description of the robot.
 #[derive(Debug)]
@@ -111,10 +125,11 @@ impl PageFiles {
     }
 
     fn at(&self, path: &str) -> Option<Response> {
-        if path == "view/scene.js" && !crate::HAS_SCENE {
-            return Some(Response::not_found(
-                "This program was built without 3D.\n".to_owned(),
-            ));
+        if path == SCENE {
+            return Some(match crate::HAS_SCENE {
+                true => Response::new(SCRIPT, scene()),
+                false => Response::not_found("This program was built without 3D.\n".to_owned()),
+            });
         }
         if let Some((_, mime, content)) = FILES.iter().find(|(known, ..)| *known == path) {
             return Some(Response::new(mime, *content));

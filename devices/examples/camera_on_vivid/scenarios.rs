@@ -94,22 +94,15 @@ fn chain(error: &dyn Error) -> String {
     }
 }
 
-fn until<T>(what: &str, mut get: impl FnMut() -> Option<T>) -> T {
-    let deadline = Instant::now() + TIMEOUT;
-    loop {
-        if let Some(value) = get() {
-            return value;
-        }
-        assert!(Instant::now() < deadline, "{what} did not come");
-        thread::sleep(Duration::from_millis(5));
-    }
+fn wait_for<T>(what: &str, get: impl FnMut() -> Option<T>) -> T {
+    yarp_testing::until_within(TIMEOUT, what, get)
 }
 
 /// Returns an image that was taken after now.
 fn next_image(camera: &V4l2Camera) -> Image {
     let last = camera.image().expect("there is an image").number;
     // One may have been on its way.
-    until("a next image", || {
+    wait_for("a next image", || {
         camera.image().ok().filter(|frame| frame.number > last + 1)
     })
     .image
@@ -145,7 +138,7 @@ fn check_bars(image: &Image, expected: &[[u8; 3]; 8], what: &str) {
 }
 
 fn failure(camera: &V4l2Camera) -> String {
-    chain(&until("the failure", || camera.image().err()))
+    chain(&wait_for("the failure", || camera.image().err()))
 }
 
 fn the_camera_offers_what_is_documented(device: &str) {
@@ -193,7 +186,7 @@ fn colour_bars_are_seen_in_every_encoding(device: &str) {
 /// Counts images for two seconds.
 fn rate(device: &str, asked: f64) -> f64 {
     let camera = start(options(device).rate(asked));
-    let first = until("an image", || camera.image().ok());
+    let first = wait_for("an image", || camera.image().ok());
     thread::sleep(Duration::from_secs(2));
     let last = camera.image().expect("images go on");
     (last.number - first.number) as f64 / (last.time - first.time)
@@ -343,7 +336,7 @@ fn another_size_while_it_runs(device: &str) {
     let camera = start(options(device));
     camera.set_resolution(640, 360).expect("it has the size");
     let large = |image: &Image| size_of(image) == (640, 360);
-    let image = until("the new size", || {
+    let image = wait_for("the new size", || {
         Some(camera.image().ok()?.image).filter(large)
     });
     check_bars(&image, &BARS, "640 x 360");
@@ -396,7 +389,7 @@ fn a_stream_that_breaks_starts_again(device: &str) {
         words.contains("taking an image") && words.contains(device),
         "{words}"
     );
-    let after = until("images again", || camera.image().ok());
+    let after = wait_for("images again", || camera.image().ok());
     assert!(after.number > before);
     check_bars(&next_image(&camera), &BARS, "started again");
 }
@@ -426,7 +419,7 @@ fn a_camera_that_falls_silent_comes_back(device: &str) {
     assert!(words.contains("no image within 500ms"), "{words}");
     assert!(words.contains("try ") && words.contains(device), "{words}");
     set(device, "Percentage of Dropped Buffers", 0);
-    until("images again", || camera.image().ok());
+    wait_for("images again", || camera.image().ok());
     check_bars(&next_image(&camera), &BARS, "back");
 }
 
@@ -438,7 +431,7 @@ fn an_unplugged_camera_comes_back(device: &str) {
     for part in [device, "No such device", "plugging the camera in"] {
         assert!(words.contains(part), "{words}");
     }
-    let after = until("images again", || camera.image().ok());
+    let after = wait_for("images again", || camera.image().ok());
     assert!(after.number > before.number && after.time > before.time);
     check_bars(&next_image(&camera), &BARS, "back");
     camera

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use super::Pattern;
-use crate::Intrinsics;
+use crate::{DeviceError, Intrinsics};
 
 /// The scene in front of a camera.
 #[derive(Clone, Debug, Eq, PartialEq)]
@@ -96,4 +96,17 @@ impl CameraOptions {
         self.firewire = firewire;
         self
     }
+}
+
+/// Refuses a field of view that no lens has, degrees.
+pub(super) fn check_angles((across, down): (f64, f64)) -> Result<(), DeviceError> {
+    let good = |angle: f64| angle > 0.0 && angle <= 360.0;
+    if good(across) && good(down) {
+        return Ok(());
+    }
+    Err(DeviceError::Unsuitable {
+        what: "field of view",
+        asked: format!("{across} {down} deg"),
+        expected: "more than 0 and up to 360 deg".to_owned(),
+    })
 }

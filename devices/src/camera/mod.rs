@@ -1,4 +1,4 @@
-//! A camera that shows a test pattern, an image or a film, and cameras of the machine.
+//! A camera that shows a test pattern, an image or a film, and cameras of the machine; a device that writes images to files.
 //!
 //! ```text
 //! ImageSource ──▶ FeatureSettings ──▶ LatestValue ──▶ whoever asks
@@ -14,11 +14,15 @@
 //! | `camera_images`, `test_pattern`, [`mjpeg_splitter`] | sources of images |
 //! | `feature_settings` | effects of the features |
 //! | `shared_latest` | [`LatestValue`]: hands frames to readers without blocking the camera |
+//! | `camera_with_microphone` | [`CameraWithMicrophone`]: images with sound |
+//! | `image_folder_writer` | [`ImageFolderWriter`]: takes images and sound, and writes them to files |
 //! | `v4l2` | `V4l2Camera`: a camera of the machine (feature `v4l2`, Linux) |
 
 mod camera_images;
 mod camera_options;
+mod camera_with_microphone;
 mod feature_settings;
+mod image_folder_writer;
 pub mod mjpeg_splitter;
 mod shared_latest;
 mod simulated_camera;
@@ -28,6 +32,8 @@ mod test_pattern;
 mod v4l2;
 
 pub use camera_options::{CameraOptions, Scene};
+pub use camera_with_microphone::CameraWithMicrophone;
+pub use image_folder_writer::{ImageFolderOptions, ImageFolderWriter};
 pub use shared_latest::LatestValue;
 pub use simulated_camera::SimulatedCamera;
 pub use test_pattern::Pattern;

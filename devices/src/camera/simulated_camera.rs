@@ -6,15 +6,16 @@ use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use super::camera_images::ImageSource;
+use super::camera_options::check_angles;
 use super::feature_settings::{FeatureSettings, FeatureState};
 use super::simulated_firewire::{self, BusState};
 use super::{CameraOptions, LatestValue};
 use crate::clock::{self, TimeSource};
 use crate::image::{Frame, MAX_IMAGE_SIDE, PixelFormat};
 use crate::{
-    Bus, CameraConfiguration, CameraDescription, Device, DeviceError, Feature, FeatureMode,
-    FirewireControls, FrameGrabberControls, FrameGrabberImage, FrameGrabberImageRaw, Intrinsics,
-    RgbVisualParams,
+    AudioVisualStream, Bus, CameraConfiguration, CameraDescription, Device, DeviceError, Feature,
+    FeatureMode, FirewireControls, FrameGrabberControls, FrameGrabberImage, FrameGrabberImageRaw,
+    Intrinsics, RgbVisualParams,
 };
 
 /// Range of the rate, images per second.
@@ -427,8 +428,19 @@ impl RgbVisualParams for SimulatedCamera {
     }
 }
 
+impl AudioVisualStream for SimulatedCamera {
+    fn has_audio(&self) -> bool {
+        false
+    }
+
+    fn has_video(&self) -> bool {
+        true
+    }
+}
+
 impl Device for SimulatedCamera {
     crate::offers! {
+        audio_visual_stream: AudioVisualStream,
         frame_grabber_image: FrameGrabberImage,
         frame_grabber_image_raw: FrameGrabberImageRaw,
         frame_grabber_controls: FrameGrabberControls,
@@ -449,17 +461,5 @@ fn check_size(width: usize, height: usize) -> Result<(), DeviceError> {
         what: "resolution",
         asked: format!("{width} x {height}"),
         expected: format!("sides of 1 to {MAX_IMAGE_SIDE}, together at most {MAX_PIXELS} pixels"),
-    })
-}
-
-fn check_angles((across, down): (f64, f64)) -> Result<(), DeviceError> {
-    let good = |angle: f64| angle > 0.0 && angle <= 360.0;
-    if good(across) && good(down) {
-        return Ok(());
-    }
-    Err(DeviceError::Unsuitable {
-        what: "field of view",
-        asked: format!("{across} {down} deg"),
-        expected: "more than 0 and up to 360 deg".to_owned(),
     })
 }

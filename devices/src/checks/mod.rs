@@ -124,6 +124,19 @@ pub const ALL: &[(&str, Check)] = &[
     ),
 ];
 
+/// Checks that need no exact place, for machines whose moves end near their targets.
+pub const WITHOUT_EXACT_PLACES: [Check; 9] = [
+    axes_have_names,
+    readings_carry_fresh_times,
+    a_malformed_command_is_refused,
+    references_are_kept,
+    too_hard_is_as_hard_as_it_can,
+    modes_are_kept,
+    limits_are_kept,
+    interactions_are_kept,
+    impedance_is_kept,
+];
+
 /// Checks for devices that are local, or behind a network that speaks YARP 4.0: 3.x has no messages for them.
 pub const SINCE_4: &[(&str, Check)] = &[
     (

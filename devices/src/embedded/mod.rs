@@ -2,7 +2,7 @@
 //!
 //! * [`protocol`]: the bytes, without sockets.
 //! * [`EmbeddedWam`]: the driver, a [`Device`](crate::Device) on the host.
-//! * [`WamNode`]: the server on the arm's PC, around any other [`Device`](crate::Device) with seven joints.
+//! * [`WamNode`]: the server on the arm's PC, around any other [`Device`](crate::Device) with four or seven joints.
 //! * [`LinkMode`]: which of the two listens. In the thesis the driver does, since Barrett's libraries could not be linked
 //!   with a server.
 //!

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use super::boot_memory::BootMemory;
 use super::simulated_axis::{Axis, MODES};
 use super::{AxisParameters, MotionState};
 use crate::{Axes, AxisIndex, DeviceError, JointType, Limits, Mode, VariableValue};
@@ -30,20 +31,22 @@ use crate::{Axes, AxisIndex, DeviceError, JointType, Limits, Mode, VariableValue
 /// ```
 #[derive(Clone, Debug)]
 pub struct AxesModel {
-    axes: Vec<Axis>,
+    pub(super) axes: Vec<Axis>,
     /// Variables without a meaning here, with their values.
     pub(super) stored: Vec<(String, Vec<VariableValue>)>,
+    pub(super) boot_memory: BootMemory,
 }
 
 impl AxesModel {
     /// Axes at their home positions, at rest, in position mode.
     pub fn new(parameters: impl IntoIterator<Item = AxisParameters>) -> Self {
-        let axes = parameters
+        let axes: Vec<_> = parameters
             .into_iter()
             .enumerate()
             .map(|(index, built)| Axis::new(index.into(), built))
             .collect();
         Self {
+            boot_memory: BootMemory::of(&axes, &[]),
             axes,
             stored: Vec::new(),
         }
@@ -477,6 +480,22 @@ mod tests {
         model.stop(FIRST).unwrap();
         run(&mut model, 5.0);
         assert_eq!(now(&model).position, 50.0);
+    }
+
+    /// A lower limit of the elbow was refused by an arm that is folded onto its stop.
+    #[test]
+    fn an_axis_outside_a_limit_takes_a_new_one_on_the_other_side() {
+        let mut model = lone_axis();
+        model.place_measured(0.into(), 50.1).unwrap();
+        model
+            .set_position_limits(0.into(), Limits::new(-10.0, 50.0))
+            .unwrap();
+        let closer = Limits::new(-10.0, 49.0);
+        model.set_position_limits(0.into(), closer).unwrap_err();
+        model.place_measured(0.into(), -10.1).unwrap();
+        model.set_position_limits(0.into(), closer).unwrap();
+        let closer = Limits::new(-9.0, 49.0);
+        model.set_position_limits(0.into(), closer).unwrap_err();
     }
 
     #[test]

@@ -97,4 +97,16 @@ impl Motor {
             auto_brake: false,
         }
     }
+
+    /// Takes over the settings of `saved`: all but what belongs to the present motion.
+    pub(super) fn load(&mut self, saved: &Self) {
+        let mut loaded = saved.clone();
+        loaded.offset = self.offset;
+        loaded.amplifier_on = self.amplifier_on;
+        loaded.manual_brake = self.manual_brake;
+        for (new, old) in loaded.loops.iter_mut().zip(&self.loops) {
+            new.reference = old.reference;
+        }
+        *self = loaded;
+    }
 }

@@ -4,8 +4,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::clock;
 use crate::{
-    AnalogSensor, AnalogSensors, Device, DeviceError, SensorInfo, SensorKind, SensorReading,
-    VirtualSensor,
+    AnalogSensor, AnalogSensors, Device, DeviceError, GenericSensor, SensorInfo, SensorKind,
+    SensorReading, VirtualSensor,
 };
 
 /// Standard gravity, m/s².
@@ -17,8 +17,8 @@ const TEMPERATURE: f64 = 25.0;
 /// values are 0.
 ///
 /// They take the place of boards of sensors that are not there. As one sensor of several channels
-/// ([`AnalogSensor`]) all channels are 0, or what they are set to as torques that are measured outside
-/// ([`VirtualSensor`]).
+/// ([`AnalogSensor`], [`GenericSensor`]) all channels are 0, or what they are set to: as torques that are measured outside
+/// ([`VirtualSensor`]), or by calibrating them to a value.
 ///
 /// ```
 /// use yarp_devices::fake::ConstantSensors;
@@ -44,6 +44,14 @@ impl ConstantSensors {
             channels: Arc::new(Mutex::new(vec![0.0; channels])),
             length: channels,
             names: Default::default(),
+        }
+    }
+
+    fn no_channel(&self, channel: usize) -> DeviceError {
+        DeviceError::Unsuitable {
+            what: "channel",
+            asked: channel.to_string(),
+            expected: format!("one of {}, counted from 0", self.length),
         }
     }
 
@@ -106,13 +114,35 @@ impl AnalogSensor for ConstantSensors {
     /// Succeeds, without an effect.
     fn calibrate(&self, channel: Option<usize>) -> Result<(), DeviceError> {
         match channel {
-            Some(channel) if channel >= self.length => Err(DeviceError::Unsuitable {
-                what: "channel",
-                asked: channel.to_string(),
-                expected: format!("one of {}, counted from 0", self.length),
-            }),
+            Some(channel) if channel >= self.length => Err(self.no_channel(channel)),
             _ => Ok(()),
         }
+    }
+}
+
+impl GenericSensor for ConstantSensors {
+    fn generic_channels(&self) -> usize {
+        self.length
+    }
+
+    fn read_generic(&self, reading: &mut SensorReading) {
+        self.read_channels(reading);
+    }
+
+    fn calibrate_generic(&self, channel: usize, value: f64) -> Result<(), DeviceError> {
+        if !value.is_finite() {
+            return Err(DeviceError::Unsuitable {
+                what: "value of a channel",
+                asked: value.to_string(),
+                expected: "a finite number".to_owned(),
+            });
+        }
+        let mut channels = self.channels.lock().unwrap_or_else(PoisonError::into_inner);
+        let channel = channels
+            .get_mut(channel)
+            .ok_or_else(|| self.no_channel(channel))?;
+        *channel = value;
+        Ok(())
     }
 }
 
@@ -146,6 +176,24 @@ impl Device for ConstantSensors {
     crate::offers! {
         analog_sensors: AnalogSensors,
         analog_sensor: AnalogSensor,
+        generic_sensor: GenericSensor,
         virtual_sensor: VirtualSensor,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_calibrated_channel_reads_its_value() {
+        let sensors = ConstantSensors::new(2);
+        sensors.calibrate_generic(1, 2.5).unwrap();
+        assert!(sensors.calibrate_generic(2, 1.0).is_err());
+        assert!(sensors.calibrate_generic(0, f64::NAN).is_err());
+        let mut reading = SensorReading::default();
+        sensors.read_generic(&mut reading);
+        assert_eq!(reading.values, [0.0, 2.5]);
+        assert_eq!(sensors.generic_channels(), 2);
     }
 }

@@ -9,18 +9,20 @@ use crate::{Device, DeviceError};
 
 /// Moments a second.
 const RATE: u32 = 16_000;
-/// The tone, hertz.
-const TONE: f64 = 440.0;
-/// Loudness, of 32767.
-const LOUDNESS: f64 = 8_000.0;
+/// Default tone, hertz.
+const DEFAULT_TONE: f64 = 440.0;
+/// Default loudness, of 32767.
+const DEFAULT_LOUDNESS: f64 = 8_000.0;
 /// Moments that it holds: ten seconds.
 const CAPACITY: usize = 10 * RATE as usize;
 
-/// A microphone with one channel that records a tone of 440 Hz, in real time.
+/// A microphone with one channel that records a tone, in real time: one of 440 Hz unless set otherwise.
 ///
 /// Samples that are not fetched within ten seconds are dropped, the oldest first.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct FakeMicrophone {
+    tone: f64,
+    loudness: f64,
     state: Mutex<State>,
     /// Recording ended, or began.
     changed: Condvar,
@@ -58,10 +60,26 @@ impl State {
     }
 }
 
+impl Default for FakeMicrophone {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 impl FakeMicrophone {
     /// A microphone that does not record yet.
     pub fn new() -> Self {
-        Self::default()
+        Self::with_tone(DEFAULT_TONE, DEFAULT_LOUDNESS)
+    }
+
+    /// A microphone that hears a tone of `frequency` hertz, as loud as `amplitude` of 32767.
+    pub fn with_tone(frequency: f64, amplitude: f64) -> Self {
+        Self {
+            tone: frequency,
+            loudness: amplitude,
+            state: Mutex::default(),
+            changed: Condvar::new(),
+        }
     }
 
     fn state(&self) -> MutexGuard<'_, State> {
@@ -92,9 +110,9 @@ impl AudioGrabber for FakeMicrophone {
             if missing == 0 || left.is_zero() {
                 let count = there.min(at_most as u64);
                 let moments = state.gone..state.gone + count;
-                let gain = state.gain * LOUDNESS;
+                let gain = state.gain * self.loudness;
                 let sample = |moment: u64| {
-                    let phase = moment as f64 * TONE / f64::from(RATE);
+                    let phase = moment as f64 * self.tone / f64::from(RATE);
                     (gain * (TAU * phase).sin()) as i16
                 };
                 state.gone += count;
@@ -196,6 +214,14 @@ mod tests {
         assert!(!microphone.is_recording().unwrap());
         microphone.reset_recording().unwrap();
         assert_eq!(microphone.recorded().unwrap().samples, 0);
+    }
+
+    #[test]
+    fn the_tone_is_as_asked() {
+        let microphone = FakeMicrophone::with_tone(4_000.0, 100.0);
+        microphone.set_recording(true).unwrap();
+        let heard = microphone.sound(8, 8, TEST_TIMEOUT).unwrap();
+        assert_eq!(heard.samples, [0, 100, 0, -100, 0, 100, 0, -100]);
     }
 
     #[test]

@@ -70,6 +70,17 @@ pub(super) struct Axis {
     motor: Motor,
 }
 
+/// Settings of an axis that its board keeps while it is off.
+#[derive(Clone, Debug)]
+pub(super) struct AxisSettings {
+    limits: Limits,
+    max_speed: f64,
+    friction: f64,
+    reference_speed: f64,
+    reference_acceleration: f64,
+    motor: Motor,
+}
+
 impl Axis {
     pub(super) fn new(index: AxisIndex, built: AxisParameters) -> Self {
         Self {
@@ -465,7 +476,13 @@ impl Axis {
         let above = Limits::new(asked.min, built.max);
         self.check_inside("upper position limit", asked.max, above, "")?;
         self.check_at_rest("change its limits")?;
-        self.check_inside("present position", self.state().position, asked, "")?;
+        // A machine may stand a little outside its limits, which is no reason to refuse one that stays as it is.
+        let position = self.state().position;
+        let is_below = asked.min > self.limits.min && position < asked.min;
+        let is_above = asked.max < self.limits.max && position > asked.max;
+        if is_below || is_above {
+            self.check_inside("present position", position, asked, "")?;
+        }
         self.limits = asked;
         if let Some(drive) = &mut self.drive {
             drive.set_limits(asked);
@@ -482,6 +499,42 @@ impl Axis {
         self.max_speed = asked.max;
         self.reference_speed = self.reference_speed.min(asked.max);
         Ok(())
+    }
+
+    /// Returns the present settings.
+    pub(super) fn settings(&self) -> AxisSettings {
+        AxisSettings {
+            limits: self.limits,
+            max_speed: self.max_speed,
+            friction: self.friction,
+            reference_speed: self.reference_speed,
+            reference_acceleration: self.reference_acceleration,
+            motor: self.motor.clone(),
+        }
+    }
+
+    /// Refuses settings while the axis moves, and limits that it is outside of.
+    pub(super) fn check_settings(&self, settings: &AxisSettings) -> Result<(), DeviceError> {
+        self.check_at_rest("load its settings")?;
+        self.check_inside(
+            "present position",
+            self.state().position,
+            settings.limits,
+            "",
+        )
+    }
+
+    /// Applies settings. Encoders, brakes that are on, amplifiers and references of control loops stay as they are.
+    pub(super) fn apply_settings(&mut self, settings: &AxisSettings) {
+        self.limits = settings.limits;
+        self.max_speed = settings.max_speed;
+        self.reference_speed = settings.reference_speed;
+        self.reference_acceleration = settings.reference_acceleration;
+        self.motor.load(&settings.motor);
+        self.set_friction(settings.friction);
+        if let Some(drive) = &mut self.drive {
+            drive.set_limits(settings.limits);
+        }
     }
 
     fn check_mode(&self, command: &'static str, needed: Mode) -> Result<(), DeviceError> {

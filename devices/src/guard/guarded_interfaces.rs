@@ -50,13 +50,20 @@ macro_rules! guarded_interface {
     (frame_grabber_controls $interface:ident) => {};
     (firewire_controls $interface:ident) => {};
     (rgb_visual_params $interface:ident) => {};
+    (audio_visual_grabber $interface:ident) => {};
+    (audio_visual_stream $interface:ident) => {};
+    (frame_writer_image $interface:ident) => {};
+    (frame_writer_audio_visual $interface:ident) => {};
     (audio_grabber $interface:ident) => {};
     (audio_render $interface:ident) => {};
     (gaze_control $interface:ident) => {};
     (battery $interface:ident) => {};
     (analog_sensors $interface:ident) => {};
     (analog_sensor $interface:ident) => {};
+    (generic_sensor $interface:ident) => {};
     (serial_device $interface:ident) => {};
+    (gpu_device $interface:ident) => {};
+    (service $interface:ident) => {};
     ($method:ident $interface:ident) => {
         fn $method(&self) -> Option<&dyn crate::$interface> {
             self.device().$method().map(|_| self as _)

@@ -4,8 +4,8 @@ use super::Guarded;
 use super::guarded_interfaces::has;
 use super::watchdog::HandMotion;
 use crate::{
-    AmplifierControl, AmplifierLimit, Axes, AxisIndex, DeviceError, EncoderReading, Grasp,
-    GraspKind, Hand, JointBrake, MotorEncoders,
+    AmplifierControl, AmplifierLimit, Axes, AxisIndex, ControlDebug, DeviceError, EncoderReading,
+    Grasp, GraspKind, Hand, JointBrake, MotorEncoders,
 };
 
 impl Guarded {
@@ -19,6 +19,10 @@ impl Guarded {
 
     fn brakes(&self) -> Result<&dyn JointBrake, DeviceError> {
         has(self.device().joint_brake(), "brakes of joints")
+    }
+
+    fn boot_memory(&self) -> Result<&dyn ControlDebug, DeviceError> {
+        has(self.device().control_debug(), "a boot memory")
     }
 
     fn whole_hand(&self) -> Result<&dyn Hand, DeviceError> {
@@ -95,6 +99,18 @@ impl AmplifierControl for Guarded {
 
     fn supply_voltage(&self, axis: AxisIndex) -> Result<f64, DeviceError> {
         self.amplifiers()?.supply_voltage(axis)
+    }
+}
+
+impl ControlDebug for Guarded {
+    fn save_boot_memory(&self) -> Result<(), DeviceError> {
+        self.boot_memory()?.save_boot_memory()
+    }
+
+    /// Applies the saved settings unless the software stop is engaged. The limits of the guard stay as they are.
+    fn load_boot_memory(&self) -> Result<(), DeviceError> {
+        self.admit()?;
+        self.boot_memory()?.load_boot_memory()
     }
 }
 

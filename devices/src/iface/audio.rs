@@ -1,6 +1,6 @@
 //! Sound, as used by the audio interfaces.
 
-/// A piece of sound: samples of 16 bits, the channels of one moment side by side.
+/// A chunk of sound: samples of 16 bits, the channels of one moment side by side.
 #[derive(Clone, Debug, Default, Eq, PartialEq)]
 pub struct Audio {
     /// Number of channels.

@@ -85,6 +85,8 @@ macro_rules! device_interfaces {
             remote_calibrator: RemoteCalibrator;
             /// Variables of its own (`IRemoteVariables`).
             remote_variables: RemoteVariables;
+            /// Settings that a board keeps while it is off (`IControlDebug`).
+            control_debug: ControlDebug;
             /// Faults of the joints (`IJointFault`).
             joint_fault: JointFault;
             /// A stop of all joints by software; not in stock.
@@ -111,6 +113,14 @@ macro_rules! device_interfaces {
             firewire_controls: FirewireControls;
             /// Returns the optical parameters of a camera (`IRgbVisualParams`).
             rgb_visual_params: RgbVisualParams;
+            /// Images with sound (`IAudioVisualGrabber`).
+            audio_visual_grabber: AudioVisualGrabber;
+            /// Content of a stream of images and sound (`IAudioVisualStream`).
+            audio_visual_stream: AudioVisualStream;
+            /// Receives images (`IFrameWriterImage`).
+            frame_writer_image: FrameWriterImage;
+            /// Receives images with sound (`IFrameWriterAudioVisual`).
+            frame_writer_audio_visual: FrameWriterAudioVisual;
             /// Sound from a microphone (`IAudioGrabberSound`).
             audio_grabber: AudioGrabber;
             /// Sound to a loudspeaker (`IAudioRender`).
@@ -121,10 +131,16 @@ macro_rules! device_interfaces {
             analog_sensors: AnalogSensors;
             /// One sensor of several channels (`IAnalogSensor` of 3.x).
             analog_sensor: AnalogSensor;
+            /// One sensor of several channels, such as an inertial one (`IGenericSensor`).
+            generic_sensor: GenericSensor;
             /// Torques that are measured outside (`IVirtualAnalogSensor`).
             virtual_sensor: VirtualSensor;
             /// Bytes over a line (`ISerialDevice`).
             serial_device: SerialDevice;
+            /// Programs on images (`IGPUDevice`).
+            gpu_device: GpuDevice;
+            /// Work that the host of the device starts and stops (`IService`).
+            service: Service;
         }
     };
 }
@@ -195,10 +211,13 @@ mod analog_sensors;
 mod audio;
 mod audio_grabber;
 mod audio_render;
+mod audio_visual_grabber;
+mod audio_visual_stream;
 mod axis_info;
 mod battery;
 mod cartesian_control;
 mod control_calibration;
+mod control_debug;
 mod control_limits;
 mod control_mode;
 mod current_control;
@@ -206,7 +225,11 @@ mod encoders;
 mod firewire_controls;
 mod frame_grabber_controls;
 mod frame_grabber_image;
+mod frame_writer_audio_visual;
+mod frame_writer_image;
 mod gaze_control;
+mod generic_sensor;
+mod gpu_device;
 mod grasp;
 mod hand;
 mod impedance_control;
@@ -224,6 +247,7 @@ mod remote_calibrator;
 mod remote_variables;
 mod rgb_visual_params;
 mod serial_device;
+mod service;
 mod software_stop;
 mod torque_control;
 mod velocity_control;
@@ -236,6 +260,8 @@ pub use analog_sensors::{AnalogSensors, SensorInfo, SensorKind, SensorReading, S
 pub use audio::{Audio, AudioBufferSize};
 pub use audio_grabber::AudioGrabber;
 pub use audio_render::AudioRender;
+pub use audio_visual_grabber::AudioVisualGrabber;
+pub use audio_visual_stream::AudioVisualStream;
 pub use axis_info::{AxisInfo, JointType};
 pub use battery::{Battery, BatteryReading, BatteryStatus};
 pub use cartesian_control::{
@@ -243,6 +269,7 @@ pub use cartesian_control::{
     TaskPose, TaskVelocity, TweakChange, Tweaks,
 };
 pub use control_calibration::{CalibrationParameters, ControlCalibration};
+pub use control_debug::ControlDebug;
 pub use control_limits::{ControlLimits, Limits};
 pub use control_mode::{ControlMode, Mode};
 pub use current_control::CurrentControl;
@@ -252,10 +279,14 @@ pub use frame_grabber_controls::{
     Bus, CameraDescription, Feature, FeatureMode, FrameGrabberControls,
 };
 pub use frame_grabber_image::{FrameGrabberImage, FrameGrabberImageRaw};
+pub use frame_writer_audio_visual::FrameWriterAudioVisual;
+pub use frame_writer_image::FrameWriterImage;
 pub use gaze_control::{
     Eye, FixationPoint, GazeAngles, GazeControl, GazeEvent, GazeEventKind, GazeFrame, GazeInfo,
     GazeOptions, GazeReference, GazeTarget, NeckJoint, StampedGazeAngles,
 };
+pub use generic_sensor::GenericSensor;
+pub use gpu_device::{GpuArgument, GpuDevice, GpuProgram};
 pub use grasp::{Grasp, GraspKind, UnknownGrasp};
 pub use hand::Hand;
 pub use impedance_control::{Impedance, ImpedanceControl, ImpedanceLimits};
@@ -273,6 +304,7 @@ pub use remote_calibrator::RemoteCalibrator;
 pub use remote_variables::{RemoteVariables, VariableValue};
 pub use rgb_visual_params::{CameraConfiguration, Intrinsics, RgbVisualParams};
 pub use serial_device::SerialDevice;
+pub use service::{Service, ServiceStart, ServiceUpdate};
 pub use software_stop::{MachineBrake, SoftwareStop, StopState};
 pub use torque_control::{MotorTorqueParameters, TorqueControl};
 pub use velocity_control::VelocityControl;

@@ -1,4 +1,4 @@
-//! Images in files: PPM and PGM (the binary forms P6 and P5), PNG, JPEG.
+//! Images in files: PPM and PGM (the binary forms P6 and P5), PNG, JPEG. PPM and PGM are written, too.
 //!
 //! The size in a file's header is compared with the file's content, or bounded, before memory is allocated. Source:
 //! netpbm's `ppm(5)` and `pgm(5)`. PNG and JPEG need the feature `image-files`.
@@ -39,6 +39,17 @@ pub fn decode(bytes: &[u8]) -> Result<Image, Box<dyn Error + Send + Sync>> {
         )),
         _ => Err(malformed("neither PPM, PGM, PNG nor JPEG")),
     }
+}
+
+/// Encodes an image as PPM, or a grey one as PGM. `image` is in red, green and blue, or grey.
+pub(crate) fn ppm(image: &Image) -> Vec<u8> {
+    let kind = match image.format() {
+        PixelFormat::Mono => "P5",
+        _ => "P6",
+    };
+    let mut bytes = format!("{kind}\n{} {}\n255\n", image.width(), image.height()).into_bytes();
+    bytes.extend_from_slice(image.pixels());
+    bytes
 }
 
 fn netpbm(bytes: &[u8]) -> Reading {
@@ -108,6 +119,15 @@ mod tests {
         let image = decode(b"P5 2 2 255 abcd").unwrap();
         assert_eq!(image.format(), PixelFormat::Mono);
         assert_eq!(&image.pixels()[..], b"abcd");
+    }
+
+    #[test]
+    fn images_that_are_written_are_read_back() {
+        for (format, bytes) in [(PixelFormat::Mono, 6), (PixelFormat::Rgb, 18)] {
+            let pixels: Vec<u8> = (30..30 + bytes).collect();
+            let image = Image::new(format, 3, 2, pixels).unwrap();
+            assert_eq!(decode(&ppm(&image)).unwrap(), image);
+        }
     }
 
     #[test]

@@ -8,7 +8,7 @@
 //! | `image_file`, `compressed_image` | image files: PPM and PGM; PNG and JPEG |
 //! | `file_checks` | the checks of both |
 //!
-//! Pixels are shared, never copied by cloning. This module does not encode images: network wrappers turn them into
+//! Pixels are shared, never copied by cloning. This module makes no messages: network wrappers turn them into
 //! messages, and share the pixels where the message has the same layout.
 
 #[cfg(feature = "image-files")]

@@ -3,18 +3,19 @@
 use std::sync::Arc;
 
 use crate::{
-    AnalogSensor, AnalogSensors, Device, DeviceError, SensorKind, SensorReading, SensorStatus,
+    AnalogSensor, AnalogSensors, Device, DeviceError, GenericSensor, SensorKind, SensorReading,
+    SensorStatus,
 };
 
 /// Kinds of sensors in the order of their channels, three of each.
-const KINDS: [SensorKind; 4] = [
+pub(crate) const KINDS: [SensorKind; 4] = [
     SensorKind::Orientation,
     SensorKind::LinearAccelerometer,
     SensorKind::Gyroscope,
     SensorKind::Magnetometer,
 ];
 /// Number of channels.
-const CHANNELS: usize = 3 * KINDS.len();
+pub(crate) const CHANNELS: usize = 3 * KINDS.len();
 
 /// The inertial sensors of a device as the twelve channels of YARP 3.x (`IGenericSensor`): orientation (roll, pitch, yaw
 /// in degrees), acceleration (m/s²), angular velocity (deg/s), magnetic field (tesla).
@@ -91,8 +92,21 @@ impl AnalogSensor for ImuChannels {
     }
 }
 
+impl GenericSensor for ImuChannels {
+    fn generic_channels(&self) -> usize {
+        CHANNELS
+    }
+
+    fn read_generic(&self, reading: &mut SensorReading) {
+        self.read_channels(reading);
+    }
+}
+
 impl Device for ImuChannels {
-    crate::offers! { analog_sensor: AnalogSensor }
+    crate::offers! {
+        analog_sensor: AnalogSensor,
+        generic_sensor: GenericSensor,
+    }
 }
 
 #[cfg(test)]
@@ -115,6 +129,10 @@ mod tests {
             let mut expected = [0.0; CHANNELS];
             expected[5] = 9.80665;
             assert_eq!(reading.values, expected);
+            reading = SensorReading::default();
+            channels.read_generic(&mut reading);
+            assert_eq!(reading.values, expected);
+            assert_eq!(channels.generic_channels(), reading.values.len());
         }
         assert!(ImuChannels::new(sensors, Some("c")).is_err());
         assert!(ImuChannels::new(Arc::new(ConstantSensors::new(6)), None).is_err());

@@ -326,12 +326,12 @@ impl<const N: usize> Simulator<N> {
         }
     }
 
-    /// Returns the load on the last link, beside the arm of the model.
+    /// Returns the load on the tool plate, beside the arm of the model.
     pub fn load(&self) -> &Body {
         &self.load
     }
 
-    /// Changes the load of the last link, in whose frame it is described; the controller does not know.
+    /// Changes the load of the tool plate, in whose frame it is described; the controller does not know.
     pub fn set_load(&mut self, load: Body) {
         self.load = load;
         let loaded = self.model.clone().with_load(load);

@@ -1,7 +1,7 @@
 //! An arm under control, run by a dedicated thread, as a device.
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 
 use tracing::{debug, info};
@@ -9,6 +9,7 @@ use tracing::{debug, info};
 use super::{AXES, ArmControl};
 use crate::can::puck::PuckProperty;
 use crate::clock;
+use crate::inheriting_mutex::{InheritingGuard, InheritingMutex};
 use crate::{
     Axes, AxisIndex, AxisInfo, ControlLimits, ControlMode, Device, DeviceError, EncoderReading,
     Encoders, JointType, Limits, MachineBrake, Mode, MotionControl, PositionControl, VariableValue,
@@ -16,15 +17,15 @@ use crate::{
 };
 
 /// An [`ArmControl`] and the machine under it.
-pub trait ControlledArm: Send + 'static {
+pub trait ControlledArm<const N: usize = AXES>: Send + 'static {
     /// Description of the arm, in words.
-    const DESCRIPTION: &'static str;
+    fn description() -> String;
 
     /// The control of the arm.
-    fn control(&self) -> &ArmControl;
+    fn control(&self) -> &ArmControl<N>;
 
     /// The control of the arm, to command it.
-    fn control_mut(&mut self) -> &mut ArmControl;
+    fn control_mut(&mut self) -> &mut ArmControl<N>;
 
     /// Same as [`ControlMode::set_control_modes`].
     fn set_control_modes(&mut self, axes: Axes<'_>, modes: &[Mode]) -> Result<(), DeviceError> {
@@ -38,11 +39,11 @@ pub trait ControlledArm: Send + 'static {
     fn brake(&mut self) -> Result<(), DeviceError>;
 
     /// Returns the temperatures of the motors' pucks, °C.
-    fn temperatures(&self) -> Result<[f64; AXES], DeviceError>;
+    fn temperatures(&self) -> Result<[f64; N], DeviceError>;
 
     /// Reads a property of a motor's puck.
     fn puck_property(
-        device: &ArmDevice<Self>,
+        device: &ArmDevice<Self, N>,
         motor: AxisIndex,
         property: PuckProperty,
     ) -> Result<i32, DeviceError>
@@ -53,13 +54,13 @@ pub trait ControlledArm: Send + 'static {
     fn variables() -> Vec<String>;
 
     /// Same as [`RemoteVariables::variable`](crate::RemoteVariables::variable), of those.
-    fn variable(device: &ArmDevice<Self>, name: &str) -> Result<Vec<VariableValue>, DeviceError>
+    fn variable(device: &ArmDevice<Self, N>, name: &str) -> Result<Vec<VariableValue>, DeviceError>
     where
         Self: Sized;
 
     /// Same as [`RemoteVariables::set_variable`](crate::RemoteVariables::set_variable), of those.
     fn set_variable(
-        device: &ArmDevice<Self>,
+        device: &ArmDevice<Self, N>,
         name: &str,
         value: &[VariableValue],
     ) -> Result<(), DeviceError>
@@ -67,11 +68,20 @@ pub trait ControlledArm: Send + 'static {
         Self: Sized;
 }
 
-/// A seven-joint arm as a device: its control, shared with the thread that runs it.
+/// Returns the number of joints of an arm as a word.
+pub fn count_word(joints: usize) -> String {
+    match joints {
+        4 => "four".to_owned(),
+        7 => "seven".to_owned(),
+        other => other.to_string(),
+    }
+}
+
+/// An arm with `N` joints as a device: its control, shared with the thread that runs it.
 ///
 /// Encoders cannot be set: they are absolute. Dropping the device ends and joins the thread.
 #[derive(Debug)]
-pub struct ArmDevice<A> {
+pub struct ArmDevice<A, const N: usize = AXES> {
     shared: Arc<Shared<A>>,
     thread: Option<JoinHandle<()>>,
 }
@@ -79,7 +89,7 @@ pub struct ArmDevice<A> {
 /// State shared by the device and its thread.
 #[derive(Debug)]
 pub(super) struct Shared<A> {
-    arm: Mutex<Timed<A>>,
+    arm: InheritingMutex<Timed<A>>,
     ending: AtomicBool,
 }
 
@@ -98,9 +108,9 @@ impl<A> Timed<A> {
 }
 
 impl<A> Shared<A> {
-    pub(super) fn lock(&self) -> MutexGuard<'_, Timed<A>> {
+    pub(super) fn lock(&self) -> InheritingGuard<'_, Timed<A>> {
         // The arm is whole between any two calls, so a panic elsewhere does not spoil it.
-        self.arm.lock().unwrap_or_else(PoisonError::into_inner)
+        self.arm.lock()
     }
 
     /// Returns whether the thread has to end.
@@ -109,7 +119,7 @@ impl<A> Shared<A> {
     }
 }
 
-impl<A: ControlledArm> ArmDevice<A> {
+impl<A: ControlledArm<N>, const N: usize> ArmDevice<A, N> {
     /// Runs an arm by a thread of this name, which calls `control` until it is stopped.
     pub(super) fn spawn(
         arm: A,
@@ -117,7 +127,7 @@ impl<A: ControlledArm> ArmDevice<A> {
         control: impl FnOnce(&Shared<A>) + Send + 'static,
     ) -> Result<Self, DeviceError> {
         let shared = Arc::new(Shared {
-            arm: Mutex::new(Timed {
+            arm: InheritingMutex::new(Timed {
                 arm,
                 time: clock::now(),
             }),
@@ -131,7 +141,7 @@ impl<A: ControlledArm> ArmDevice<A> {
                 what: "the control thread of the arm",
                 source,
             })?;
-        info!(axes = AXES, name, "control of the arm started");
+        info!(axes = N, name, "control of the arm started");
         Ok(Self {
             shared,
             thread: Some(thread),
@@ -140,18 +150,18 @@ impl<A: ControlledArm> ArmDevice<A> {
 
     /// Does something with the arm between two control periods.
     ///
-    /// The control loop waits meanwhile, so it should not take long.
+    /// The control loop waits meanwhile, so it should not take long; the caller runs at the loop's priority then.
     pub fn with<T>(&self, what: impl FnOnce(&mut A) -> T) -> T {
         what(&mut self.shared.lock().arm)
     }
 
     /// Does something with the control of the arm between two periods: torques, direct positions, gains.
-    pub fn control<T>(&self, what: impl FnOnce(&mut ArmControl) -> T) -> T {
+    pub fn control<T>(&self, what: impl FnOnce(&mut ArmControl<N>) -> T) -> T {
         self.with(|arm| what(arm.control_mut()))
     }
 }
 
-impl<A> Drop for ArmDevice<A> {
+impl<A, const N: usize> Drop for ArmDevice<A, N> {
     fn drop(&mut self) {
         self.shared.ending.store(true, Ordering::Release);
         if let Some(thread) = self.thread.take() {
@@ -164,7 +174,7 @@ impl<A> Drop for ArmDevice<A> {
     }
 }
 
-impl<A: ControlledArm> Device for ArmDevice<A> {
+impl<A: ControlledArm<N>, const N: usize> Device for ArmDevice<A, N> {
     crate::offers! {
         axis_info: AxisInfo,
         position_control: PositionControl,
@@ -189,15 +199,15 @@ impl<A: ControlledArm> Device for ArmDevice<A> {
     }
 }
 
-impl<A: ControlledArm> MachineBrake for ArmDevice<A> {
+impl<A: ControlledArm<N>, const N: usize> MachineBrake for ArmDevice<A, N> {
     fn brake_machine(&self) -> Result<(), DeviceError> {
         self.with(ControlledArm::brake)
     }
 }
 
-impl<A: ControlledArm> AxisInfo for ArmDevice<A> {
+impl<A: ControlledArm<N>, const N: usize> AxisInfo for ArmDevice<A, N> {
     fn axes(&self) -> usize {
-        AXES
+        N
     }
 
     fn axis_name(&self, axis: AxisIndex) -> Result<String, DeviceError> {
@@ -209,7 +219,7 @@ impl<A: ControlledArm> AxisInfo for ArmDevice<A> {
     }
 }
 
-impl<A: ControlledArm> MotionControl for ArmDevice<A> {
+impl<A: ControlledArm<N>, const N: usize> MotionControl for ArmDevice<A, N> {
     fn stop(&self, axes: Axes<'_>) -> Result<(), DeviceError> {
         self.control(|arm| arm.stop(axes))
     }
@@ -230,7 +240,7 @@ impl<A: ControlledArm> MotionControl for ArmDevice<A> {
     }
 }
 
-impl<A: ControlledArm> PositionControl for ArmDevice<A> {
+impl<A: ControlledArm<N>, const N: usize> PositionControl for ArmDevice<A, N> {
     fn position_move(&self, axes: Axes<'_>, targets: &[f64]) -> Result<(), DeviceError> {
         self.control(|arm| arm.position_move(axes, targets))
     }
@@ -256,7 +266,7 @@ impl<A: ControlledArm> PositionControl for ArmDevice<A> {
     }
 }
 
-impl<A: ControlledArm> VelocityControl for ArmDevice<A> {
+impl<A: ControlledArm<N>, const N: usize> VelocityControl for ArmDevice<A, N> {
     fn velocity_move(&self, axes: Axes<'_>, velocities: &[f64]) -> Result<(), DeviceError> {
         self.control(|arm| arm.velocity_move(axes, velocities))
     }
@@ -266,12 +276,12 @@ impl<A: ControlledArm> VelocityControl for ArmDevice<A> {
     }
 }
 
-impl<A: ControlledArm> Encoders for ArmDevice<A> {
+impl<A: ControlledArm<N>, const N: usize> Encoders for ArmDevice<A, N> {
     fn read_encoders(&self, axes: Axes<'_>, out: &mut [EncoderReading]) -> Result<(), DeviceError> {
-        axes.check(AXES)?;
-        axes.check_count(AXES, "slots for readings", out.len())?;
+        axes.check(N)?;
+        axes.check_count(N, "slots for readings", out.len())?;
         let timed = self.shared.lock();
-        for (slot, axis) in out.iter_mut().zip(axes.iter(AXES)) {
+        for (slot, axis) in out.iter_mut().zip(axes.iter(N)) {
             let state = timed.arm.control().state(axis)?;
             *slot = EncoderReading {
                 position: state.position,
@@ -284,14 +294,14 @@ impl<A: ControlledArm> Encoders for ArmDevice<A> {
     }
 
     fn set_encoders(&self, axes: Axes<'_>, positions: &[f64]) -> Result<(), DeviceError> {
-        axes.check_command(AXES, "encoder positions", positions.len())?;
+        axes.check_command(N, "encoder positions", positions.len())?;
         Err(DeviceError::NotSupported {
             what: "setting absolute encoders".to_owned(),
         })
     }
 }
 
-impl<A: ControlledArm> ControlMode for ArmDevice<A> {
+impl<A: ControlledArm<N>, const N: usize> ControlMode for ArmDevice<A, N> {
     fn available_control_modes(&self, axis: AxisIndex) -> Result<Vec<Mode>, DeviceError> {
         self.control(|arm| arm.available_control_modes(axis))
     }
@@ -305,7 +315,7 @@ impl<A: ControlledArm> ControlMode for ArmDevice<A> {
     }
 }
 
-impl<A: ControlledArm> ControlLimits for ArmDevice<A> {
+impl<A: ControlledArm<N>, const N: usize> ControlLimits for ArmDevice<A, N> {
     fn position_limits(&self, axis: AxisIndex) -> Result<Limits, DeviceError> {
         self.control(|arm| arm.set_points().position_limits(axis))
     }

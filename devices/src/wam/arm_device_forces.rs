@@ -5,14 +5,13 @@
 //! switching the pucks of an arm individually, and the commands for a puck's duty cycle are not published. The
 //! simulated arm is controlled as the real one, so it refuses them as well.
 
-use super::AXES;
 use super::arm_device::{ArmDevice, ControlledArm};
 use crate::{
     Axes, AxisIndex, CurrentControl, DeviceError, Impedance, ImpedanceControl, ImpedanceLimits,
     Interaction, InteractionMode, Limits, PwmControl,
 };
 
-impl<A: ControlledArm> InteractionMode for ArmDevice<A> {
+impl<A: ControlledArm<N>, const N: usize> InteractionMode for ArmDevice<A, N> {
     fn interactions(&self, axes: Axes<'_>) -> Result<Vec<Interaction>, DeviceError> {
         self.control(|arm| arm.interactions(axes))
     }
@@ -26,7 +25,7 @@ impl<A: ControlledArm> InteractionMode for ArmDevice<A> {
     }
 }
 
-impl<A: ControlledArm> ImpedanceControl for ArmDevice<A> {
+impl<A: ControlledArm<N>, const N: usize> ImpedanceControl for ArmDevice<A, N> {
     fn impedance(&self, axis: AxisIndex) -> Result<Impedance, DeviceError> {
         self.control(|arm| arm.impedance(axis))
     }
@@ -49,18 +48,14 @@ impl<A: ControlledArm> ImpedanceControl for ArmDevice<A> {
 }
 
 /// Of the motors, without the part for gravity: see [`ArmControl`](super::ArmControl).
-impl<A: ControlledArm> CurrentControl for ArmDevice<A> {
+impl<A: ControlledArm<N>, const N: usize> CurrentControl for ArmDevice<A, N> {
     fn currents(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
         self.control(|arm| arm.currents(axes))
     }
 
     fn current_ranges(&self, axes: Axes<'_>) -> Result<Vec<Limits>, DeviceError> {
-        axes.check(AXES)?;
-        self.control(|arm| {
-            axes.iter(AXES)
-                .map(|axis| arm.current_range(axis))
-                .collect()
-        })
+        axes.check(N)?;
+        self.control(|arm| axes.iter(N).map(|axis| arm.current_range(axis)).collect())
     }
 
     fn set_reference_currents(&self, axes: Axes<'_>, currents: &[f64]) -> Result<(), DeviceError> {
@@ -81,9 +76,9 @@ fn no_duty_cycles<T>() -> Result<T, DeviceError> {
 }
 
 /// Refused, in words.
-impl<A: ControlledArm> PwmControl for ArmDevice<A> {
+impl<A: ControlledArm<N>, const N: usize> PwmControl for ArmDevice<A, N> {
     fn duty_cycles(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
-        axes.check(AXES)?;
+        axes.check(N)?;
         no_duty_cycles()
     }
 
@@ -92,12 +87,12 @@ impl<A: ControlledArm> PwmControl for ArmDevice<A> {
         axes: Axes<'_>,
         duty_cycles: &[f64],
     ) -> Result<(), DeviceError> {
-        axes.check_command(AXES, "duty cycles", duty_cycles.len())?;
+        axes.check_command(N, "duty cycles", duty_cycles.len())?;
         no_duty_cycles()
     }
 
     fn reference_duty_cycles(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
-        axes.check(AXES)?;
+        axes.check(N)?;
         no_duty_cycles()
     }
 }

@@ -8,7 +8,6 @@
 use std::thread;
 use std::time::{Duration, Instant};
 
-use super::AXES;
 use super::UNITS_PER_AMPERE;
 use super::arm_device::{ArmDevice, ControlledArm};
 use crate::can::puck::PuckProperty;
@@ -28,46 +27,46 @@ fn not_supported<T>(what: &str) -> Result<T, DeviceError> {
 }
 
 /// Temperatures are those of the pucks.
-impl<A: ControlledArm> Motor for ArmDevice<A> {
+impl<A: ControlledArm<N>, const N: usize> Motor for ArmDevice<A, N> {
     fn temperatures(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
-        axes.check(AXES)?;
+        axes.check(N)?;
         let all = self.with(|arm| arm.temperatures())?;
-        Ok(axes.iter(AXES).map(|axis| all[axis.index()]).collect())
+        Ok(axes.iter(N).map(|axis| all[axis.index()]).collect())
     }
 
     fn temperature_limit(&self, axis: AxisIndex) -> Result<f64, DeviceError> {
-        Axes::One(axis).check(AXES)?;
+        Axes::One(axis).check(N)?;
         A::puck_property(self, axis, PuckProperty::OTEMP).map(f64::from)
     }
 
     fn set_temperature_limit(&self, axis: AxisIndex, _: f64) -> Result<(), DeviceError> {
-        Axes::One(axis).check(AXES)?;
+        Axes::One(axis).check(N)?;
         not_supported("setting how hot a puck may become")
     }
 
     /// Negative where the motor turns the other way. Where two motors turn two joints, of the motor of this number and the
     /// joint of this number.
     fn gearbox_ratio(&self, axis: AxisIndex) -> Result<f64, DeviceError> {
-        Axes::One(axis).check(AXES)?;
+        Axes::One(axis).check(N)?;
         let motor = axis.index();
         Ok(self.control(|arm| arm.model().transmission.ratio(motor, motor)))
     }
 
     fn set_gearbox_ratio(&self, axis: AxisIndex, _: f64) -> Result<(), DeviceError> {
-        Axes::One(axis).check(AXES)?;
+        Axes::One(axis).check(N)?;
         not_supported("another gear")
     }
 }
 
-impl<A: ControlledArm> AmplifierControl for ArmDevice<A> {
+impl<A: ControlledArm<N>, const N: usize> AmplifierControl for ArmDevice<A, N> {
     fn enable_amplifiers(&self, axes: Axes<'_>, enabled: bool) -> Result<(), DeviceError> {
-        axes.check(AXES)?;
+        axes.check(N)?;
         if enabled {
             let check =
                 |joint| self.control(|arm| arm.check_ready(joint, "switching its amplifier on"));
-            return axes.iter(AXES).try_for_each(check);
+            return axes.iter(N).try_for_each(check);
         }
-        self.set_control_modes(axes, &vec![Mode::Idle; axes.len(AXES)])
+        self.set_control_modes(axes, &vec![Mode::Idle; axes.len(N)])
     }
 
     /// 0 for a joint that is idle, or that the safety module does not allow to follow torques; 1 for others.
@@ -79,7 +78,7 @@ impl<A: ControlledArm> AmplifierControl for ArmDevice<A> {
 
     /// The largest current that a puck follows (`MT`), which is also its peak.
     fn amplifier_limit(&self, limit: AmplifierLimit, axis: AxisIndex) -> Result<f64, DeviceError> {
-        Axes::One(axis).check(AXES)?;
+        Axes::One(axis).check(N)?;
         match limit {
             AmplifierLimit::MaxCurrent | AmplifierLimit::PeakCurrent => {
                 Ok(self.control(|arm| arm.model().motors[axis.index()].limit / UNITS_PER_AMPERE))
@@ -97,17 +96,17 @@ impl<A: ControlledArm> AmplifierControl for ArmDevice<A> {
         axis: AxisIndex,
         _: f64,
     ) -> Result<(), DeviceError> {
-        Axes::One(axis).check(AXES)?;
+        Axes::One(axis).check(N)?;
         not_supported("setting the limits of a puck")
     }
 
     fn amplifier_duty_cycle(&self, axis: AxisIndex) -> Result<f64, DeviceError> {
-        Axes::One(axis).check(AXES)?;
+        Axes::One(axis).check(N)?;
         not_supported("telling a duty cycle")
     }
 
     fn supply_voltage(&self, axis: AxisIndex) -> Result<f64, DeviceError> {
-        Axes::One(axis).check(AXES)?;
+        Axes::One(axis).check(N)?;
         A::puck_property(self, axis, PuckProperty::VBUS).map(f64::from)
     }
 }
@@ -116,9 +115,9 @@ fn by_hand<T>() -> Result<T, DeviceError> {
     not_supported("calibrating but by folding the arm into its home pose before it is switched on")
 }
 
-impl<A: ControlledArm> ControlCalibration for ArmDevice<A> {
+impl<A: ControlledArm<N>, const N: usize> ControlCalibration for ArmDevice<A, N> {
     fn calibrate_axis(&self, axis: AxisIndex, _: u32, _: [f64; 3]) -> Result<(), DeviceError> {
-        Axes::One(axis).check(AXES)?;
+        Axes::One(axis).check(N)?;
         by_hand()
     }
 
@@ -127,7 +126,7 @@ impl<A: ControlledArm> ControlCalibration for ArmDevice<A> {
         axis: AxisIndex,
         _: CalibrationParameters,
     ) -> Result<(), DeviceError> {
-        Axes::One(axis).check(AXES)?;
+        Axes::One(axis).check(N)?;
         by_hand()
     }
 

@@ -1,6 +1,5 @@
 //! The interfaces of an arm under control that concern its motors.
 
-use super::AXES;
 use super::arm_device::{ArmDevice, ControlledArm};
 use crate::simulation::Gains;
 use crate::{
@@ -15,7 +14,7 @@ fn not_supported<T>(what: &str) -> Result<T, DeviceError> {
     })
 }
 
-impl<A: ControlledArm> PositionDirect for ArmDevice<A> {
+impl<A: ControlledArm<N>, const N: usize> PositionDirect for ArmDevice<A, N> {
     fn set_direct_positions(&self, axes: Axes<'_>, positions: &[f64]) -> Result<(), DeviceError> {
         self.control(|arm| arm.set_direct_positions(axes, positions))
     }
@@ -25,7 +24,7 @@ impl<A: ControlledArm> PositionDirect for ArmDevice<A> {
     }
 }
 
-impl<A: ControlledArm> TorqueControl for ArmDevice<A> {
+impl<A: ControlledArm<N>, const N: usize> TorqueControl for ArmDevice<A, N> {
     fn set_reference_torques(&self, axes: Axes<'_>, torques: &[f64]) -> Result<(), DeviceError> {
         self.control(|arm| arm.set_reference_torques(axes, torques))
     }
@@ -39,8 +38,8 @@ impl<A: ControlledArm> TorqueControl for ArmDevice<A> {
     }
 
     fn torque_ranges(&self, axes: Axes<'_>) -> Result<Vec<Limits>, DeviceError> {
-        axes.check(AXES)?;
-        self.control(|arm| axes.iter(AXES).map(|axis| arm.torque_range(axis)).collect())
+        axes.check(N)?;
+        self.control(|arm| axes.iter(N).map(|axis| arm.torque_range(axis)).collect())
     }
 
     fn motor_torque_parameters(&self, _: AxisIndex) -> Result<MotorTorqueParameters, DeviceError> {
@@ -56,20 +55,20 @@ impl<A: ControlledArm> TorqueControl for ArmDevice<A> {
     }
 }
 
-impl<A: ControlledArm> ArmDevice<A> {
+impl<A: ControlledArm<N>, const N: usize> ArmDevice<A, N> {
     /// Only positions are controlled by a loop.
     fn check_loop(kind: PidKind, axes: Axes<'_>) -> Result<(), DeviceError> {
         if kind != PidKind::Position {
             return not_supported("a loop for anything but positions");
         }
-        axes.check(AXES)
+        axes.check(N)
     }
 }
 
 /// One loop per joint, that of its position: gains in Nm per degree, per degree and second, and seconds per degree.
-impl<A: ControlledArm> PidControl for ArmDevice<A> {
+impl<A: ControlledArm<N>, const N: usize> PidControl for ArmDevice<A, N> {
     fn available_pids(&self, axis: AxisIndex) -> Result<Vec<PidKind>, DeviceError> {
-        Axes::One(axis).check(AXES)?;
+        Axes::One(axis).check(N)?;
         Ok(vec![PidKind::Position])
     }
 
@@ -87,7 +86,7 @@ impl<A: ControlledArm> PidControl for ArmDevice<A> {
                     ..Pid::default()
                 })
             };
-            axes.iter(AXES).map(pid).collect()
+            axes.iter(N).map(pid).collect()
         })
     }
 
@@ -99,20 +98,20 @@ impl<A: ControlledArm> PidControl for ArmDevice<A> {
             output: "torque of the joint, Nm".to_owned(),
             units: PidUnits::plain("deg", "Nm"),
         };
-        Ok(vec![info; axes.len(AXES)])
+        Ok(vec![info; axes.len(N)])
     }
 
     /// The loops have no scale, offset, friction or feed-forward of their own: those are ignored, and the largest
     /// integral is the largest output.
     fn set_pids(&self, kind: PidKind, axes: Axes<'_>, pids: &[Pid]) -> Result<(), DeviceError> {
         Self::check_loop(kind, axes)?;
-        axes.check_command(AXES, "gains", pids.len())?;
+        axes.check_command(N, "gains", pids.len())?;
         let gains = |pid: &Pid| Gains::new(pid.kp, pid.ki, pid.kd, pid.max_output);
         self.control(|arm| {
-            for (axis, pid) in axes.iter(AXES).zip(pids) {
+            for (axis, pid) in axes.iter(N).zip(pids) {
                 arm.check_gains(axis, gains(pid))?;
             }
-            for (axis, pid) in axes.iter(AXES).zip(pids) {
+            for (axis, pid) in axes.iter(N).zip(pids) {
                 arm.set_gains(axis, gains(pid))?;
             }
             Ok(())
@@ -140,7 +139,7 @@ impl<A: ControlledArm> PidControl for ArmDevice<A> {
                     not_supported("a loop with an error limit, offset or feed-forward")
                 }
             };
-            axes.iter(AXES).map(one).collect()
+            axes.iter(N).map(one).collect()
         })
     }
 
@@ -157,7 +156,7 @@ impl<A: ControlledArm> PidControl for ArmDevice<A> {
 
     fn pids_enabled(&self, kind: PidKind, axes: Axes<'_>) -> Result<Vec<bool>, DeviceError> {
         Self::check_loop(kind, axes)?;
-        let mut modes = vec![Mode::UNKNOWN; axes.len(AXES)];
+        let mut modes = vec![Mode::UNKNOWN; axes.len(N)];
         self.control(|arm| arm.read_control_modes(axes, &mut modes))?;
         let closed = [Mode::Position, Mode::PositionDirect, Mode::Velocity];
         Ok(modes.iter().map(|mode| closed.contains(mode)).collect())
@@ -174,15 +173,15 @@ impl<A: ControlledArm> PidControl for ArmDevice<A> {
     }
 }
 
-impl<A: ControlledArm> MotorEncoders for ArmDevice<A> {
+impl<A: ControlledArm<N>, const N: usize> MotorEncoders for ArmDevice<A, N> {
     /// Degrees of the shafts.
     fn motor_readings(&self, axes: Axes<'_>) -> Result<Vec<EncoderReading>, DeviceError> {
-        axes.check(AXES)?;
+        axes.check(N)?;
         let joints = self.encoder_readings(Axes::All)?;
         let motors = |value: fn(&EncoderReading) -> f64| {
             self.control(|arm| {
                 let values =
-                    crate::kinematics::Joints::<AXES>::from_fn(|joint, _| value(&joints[joint]));
+                    crate::kinematics::Joints::<N>::from_fn(|joint, _| value(&joints[joint]));
                 arm.model().transmission.motors_of(&values)
             })
         };
@@ -195,16 +194,16 @@ impl<A: ControlledArm> MotorEncoders for ArmDevice<A> {
             acceleration: accelerations[axis.index()],
             time: joints[axis.index()].time,
         };
-        Ok(axes.iter(AXES).map(one).collect())
+        Ok(axes.iter(N).map(one).collect())
     }
 
     fn set_motor_encoders(&self, axes: Axes<'_>, positions: &[f64]) -> Result<(), DeviceError> {
-        axes.check_command(AXES, "motor positions", positions.len())?;
+        axes.check_command(N, "motor positions", positions.len())?;
         not_supported("setting absolute encoders")
     }
 
     fn counts_per_revolution(&self, axis: AxisIndex) -> Result<f64, DeviceError> {
-        Axes::One(axis).check(AXES)?;
+        Axes::One(axis).check(N)?;
         Ok(self.control(|arm| {
             let transmission = &arm.model().transmission;
             f64::from(transmission.counts_per_turn())
@@ -212,16 +211,16 @@ impl<A: ControlledArm> MotorEncoders for ArmDevice<A> {
     }
 
     fn set_counts_per_revolution(&self, axis: AxisIndex, _: f64) -> Result<(), DeviceError> {
-        Axes::One(axis).check(AXES)?;
+        Axes::One(axis).check(N)?;
         not_supported("encoders with other counts")
     }
 }
 
-impl<A: ControlledArm> JointFault for ArmDevice<A> {
+impl<A: ControlledArm<N>, const N: usize> JointFault for ArmDevice<A, N> {
     /// Code 1 is a fault of the safety module, of a puck or of the way to the arm, which concerns all joints; code 2 a stall
     /// of this joint since its last command.
     fn last_fault(&self, axis: AxisIndex) -> Result<Fault, DeviceError> {
-        Axes::One(axis).check(AXES)?;
+        Axes::One(axis).check(N)?;
         Ok(match self.with(|arm| arm.fault()) {
             Some(message) => Fault { code: 1, message },
             None => match self.control(|arm| arm.stall(axis)) {

@@ -24,7 +24,7 @@ const COMPENSATED: &str = "compensated_load";
 const MAX_LOAD_MASS: f64 = 4.0;
 const MAX_LOAD_DISTANCE: f64 = 1.0;
 
-impl<A: ControlledArm> RemoteVariables for ArmDevice<A> {
+impl<A: ControlledArm<N>, const N: usize> RemoteVariables for ArmDevice<A, N> {
     fn variables(&self) -> Result<Vec<String>, DeviceError> {
         let mut names = vec![DESCRIPTION.to_owned(), COMPENSATED.to_owned()];
         names.extend(A::variables());
@@ -33,7 +33,7 @@ impl<A: ControlledArm> RemoteVariables for ArmDevice<A> {
 
     fn variable(&self, name: &str) -> Result<Vec<VariableValue>, DeviceError> {
         match name {
-            DESCRIPTION => Ok(vec![VariableValue::Text(A::DESCRIPTION.to_owned())]),
+            DESCRIPTION => Ok(vec![VariableValue::Text(A::description())]),
             COMPENSATED => Ok(set_load(&self.control(|arm| *arm.compensated_load()))),
             _ => A::variable(self, name),
         }

@@ -4,7 +4,7 @@ use std::ops::{Deref, DerefMut};
 
 use nalgebra::Vector3;
 
-use super::arm_device::{ArmDevice, ControlledArm};
+use super::arm_device::{ArmDevice, ControlledArm, count_word};
 use super::{AXES, ArmControl, WamModel, dynamic_variables};
 use crate::can::puck::PuckProperty;
 use crate::kinematics::Joints;
@@ -13,7 +13,7 @@ use crate::simulation::{
 };
 use crate::{Axes, AxisIndex, DeviceError, Mode, VariableValue};
 
-/// The seven-joint arm with masses, friction, encoders and a PID per joint, in **degrees**, as pure model.
+/// The arm with `N` joints, with masses, friction, encoders and a PID per joint, in **degrees**, as pure model.
 ///
 /// It is its [`ArmControl`], which has the calls of the interfaces, with a simulated machine under it: an idle joint
 /// sinks gently; a fault of the safety module puts all joints into [`Mode::HardwareFault`], out of which
@@ -36,14 +36,14 @@ use crate::{Axes, AxisIndex, DeviceError, Mode, VariableValue};
 /// # }
 /// ```
 #[derive(Clone, Debug)]
-pub struct DynamicArm {
-    control: ArmControl,
-    simulator: Simulator<AXES>,
+pub struct DynamicArm<const N: usize = AXES> {
+    control: ArmControl<N>,
+    simulator: Simulator<N>,
 }
 
-impl DynamicArm {
+impl<const N: usize> DynamicArm<N> {
     /// An arm in its home pose, at rest, active, in position mode.
-    pub fn new(model: WamModel<AXES>, options: SimulatorOptions) -> Self {
+    pub fn new(model: WamModel<N>, options: SimulatorOptions) -> Self {
         let mut simulator = Simulator::new(model.clone(), options);
         simulator.safety_mut().press_activate();
         Self {
@@ -55,7 +55,7 @@ impl DynamicArm {
     /// Lets one control period pass.
     pub fn tick(&mut self) {
         self.poll_safety_module();
-        for joint in 0..AXES {
+        for joint in 0..N {
             let idle = self.control.mode(AxisIndex::from(joint)) == Mode::Idle;
             self.simulator.set_idle(joint, idle);
         }
@@ -70,12 +70,12 @@ impl DynamicArm {
     }
 
     /// The machine.
-    pub fn simulator(&self) -> &Simulator<AXES> {
+    pub fn simulator(&self) -> &Simulator<N> {
         &self.simulator
     }
 
     /// The machine, to push and to twist it.
-    pub fn simulator_mut(&mut self) -> &mut Simulator<AXES> {
+    pub fn simulator_mut(&mut self) -> &mut Simulator<N> {
         &mut self.simulator
     }
 
@@ -85,7 +85,7 @@ impl DynamicArm {
     }
 
     /// Puts the arm into another pose, at rest, as by hand; it holds there.
-    pub fn place(&mut self, joints: &Joints<AXES>) {
+    pub fn place(&mut self, joints: &Joints<N>) {
         self.simulator.place(joints);
         self.control.forget_motion(self.simulator.counts());
         self.control.hold();
@@ -110,16 +110,16 @@ impl DynamicArm {
     }
 }
 
-impl Deref for DynamicArm {
-    type Target = ArmControl;
+impl<const N: usize> Deref for DynamicArm<N> {
+    type Target = ArmControl<N>;
 
-    fn deref(&self) -> &ArmControl {
+    fn deref(&self) -> &ArmControl<N> {
         &self.control
     }
 }
 
-impl DerefMut for DynamicArm {
-    fn deref_mut(&mut self) -> &mut ArmControl {
+impl<const N: usize> DerefMut for DynamicArm<N> {
+    fn deref_mut(&mut self) -> &mut ArmControl<N> {
         &mut self.control
     }
 }
@@ -131,15 +131,17 @@ fn no_pucks<T>(what: &str) -> Result<T, DeviceError> {
     })
 }
 
-impl ControlledArm for DynamicArm {
-    const DESCRIPTION: &'static str =
-        "a simulated seven-joint WAM arm with masses, friction, motors and a controller";
+impl<const N: usize> ControlledArm<N> for DynamicArm<N> {
+    fn description() -> String {
+        let joints = count_word(N);
+        format!("a simulated {joints}-joint WAM arm with masses, friction, motors and a controller")
+    }
 
-    fn control(&self) -> &ArmControl {
+    fn control(&self) -> &ArmControl<N> {
         &self.control
     }
 
-    fn control_mut(&mut self) -> &mut ArmControl {
+    fn control_mut(&mut self) -> &mut ArmControl<N> {
         &mut self.control
     }
 
@@ -166,12 +168,12 @@ impl ControlledArm for DynamicArm {
         Ok(())
     }
 
-    fn temperatures(&self) -> Result<[f64; AXES], DeviceError> {
+    fn temperatures(&self) -> Result<[f64; N], DeviceError> {
         Ok(self.simulator.temperatures())
     }
 
     fn puck_property(
-        _: &ArmDevice<Self>,
+        _: &ArmDevice<Self, N>,
         _: AxisIndex,
         property: PuckProperty,
     ) -> Result<i32, DeviceError> {
@@ -186,12 +188,15 @@ impl ControlledArm for DynamicArm {
         dynamic_variables::NAMES.map(str::to_owned).to_vec()
     }
 
-    fn variable(device: &ArmDevice<Self>, name: &str) -> Result<Vec<VariableValue>, DeviceError> {
+    fn variable(
+        device: &ArmDevice<Self, N>,
+        name: &str,
+    ) -> Result<Vec<VariableValue>, DeviceError> {
         dynamic_variables::variable(device, name)
     }
 
     fn set_variable(
-        device: &ArmDevice<Self>,
+        device: &ArmDevice<Self, N>,
         name: &str,
         value: &[VariableValue],
     ) -> Result<(), DeviceError> {

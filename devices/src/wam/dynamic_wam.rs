@@ -12,7 +12,7 @@ use crate::kinematics::Joints;
 use crate::periodic_timer::{MissedCycles, PeriodicTimer};
 use crate::simulation::SimulatorOptions;
 
-/// A simulated seven-joint WAM arm that behaves like the machine: see [`DynamicArm`].
+/// A simulated WAM arm with `N` joints that behaves like the machine: see [`DynamicArm`].
 ///
 /// * A thread of its own runs the control loop; the n-th period ends n periods after the start, so that it does not
 ///   drift. Dropping the arm ends and joins the thread. The periods are those of the process's [`TimeSource`]; of a single
@@ -33,23 +33,22 @@ use crate::simulation::SimulatorOptions;
 /// # Ok(())
 /// # }
 /// ```
-pub type DynamicWam = ArmDevice<DynamicArm>;
+pub type DynamicWam<const N: usize = AXES> = ArmDevice<DynamicArm<N>, N>;
 
-impl ArmDevice<DynamicArm> {
+impl DynamicWam {
     /// Starts Barrett's arm at the control rate of libbarrett.
     ///
     /// Errors: [`DeviceError::Start`] when the machine has no thread left.
     pub fn start() -> Result<Self, DeviceError> {
         Self::start_with(WamModel::<AXES>::new(), SimulatorOptions::default())
     }
+}
 
+impl<const N: usize> DynamicWam<N> {
     /// Starts an arm that is built and run like this.
     ///
     /// Errors: [`DeviceError::Start`] when the machine has no thread left.
-    pub fn start_with(
-        model: WamModel<AXES>,
-        options: SimulatorOptions,
-    ) -> Result<Self, DeviceError> {
+    pub fn start_with(model: WamModel<N>, options: SimulatorOptions) -> Result<Self, DeviceError> {
         Self::start_among(model, options, options.period, |_| None)
     }
 
@@ -58,7 +57,7 @@ impl ArmDevice<DynamicArm> {
     /// Errors: [`DeviceError::Start`] when the machine has no thread left.
     pub fn start_on(
         source: TimeSource,
-        model: WamModel<AXES>,
+        model: WamModel<N>,
         options: SimulatorOptions,
     ) -> Result<Self, DeviceError> {
         Self::spawn_on(source, model, options, options.period, |_| None)
@@ -73,20 +72,20 @@ impl ArmDevice<DynamicArm> {
     ///
     /// Errors: [`DeviceError::Start`] when the machine has no thread left.
     pub fn start_among(
-        model: WamModel<AXES>,
+        model: WamModel<N>,
         options: SimulatorOptions,
         period: Duration,
-        surroundings: impl FnMut(&Joints<AXES>) -> Option<Joints<AXES>> + Send + 'static,
+        surroundings: impl FnMut(&Joints<N>) -> Option<Joints<N>> + Send + 'static,
     ) -> Result<Self, DeviceError> {
         Self::spawn_on(TimeSource::current(), model, options, period, surroundings)
     }
 
     fn spawn_on(
         source: TimeSource,
-        model: WamModel<AXES>,
+        model: WamModel<N>,
         options: SimulatorOptions,
         period: Duration,
-        surroundings: impl FnMut(&Joints<AXES>) -> Option<Joints<AXES>> + Send + 'static,
+        surroundings: impl FnMut(&Joints<N>) -> Option<Joints<N>> + Send + 'static,
     ) -> Result<Self, DeviceError> {
         let arm = DynamicArm::new(model, options);
         let timer = PeriodicTimer::on(source, period, MissedCycles::CatchUp);
@@ -96,10 +95,10 @@ impl ArmDevice<DynamicArm> {
     }
 }
 
-fn run(
-    shared: &Shared<DynamicArm>,
+fn run<const N: usize>(
+    shared: &Shared<DynamicArm<N>>,
     mut timer: PeriodicTimer,
-    mut surroundings: impl FnMut(&Joints<AXES>) -> Option<Joints<AXES>>,
+    mut surroundings: impl FnMut(&Joints<N>) -> Option<Joints<N>>,
 ) {
     let mut fault = None;
     while timer.wait(|| shared.is_ending()) {

@@ -30,37 +30,37 @@ const SLOW_SPEED: f64 = 0.05;
 const SPEED: f64 = 0.5;
 
 /// An arm that can be moved and read.
-pub trait MeasuredArm {
+pub trait MeasuredArm<const N: usize = AXES> {
     /// Reason why it cannot.
     type Error;
 
     /// Moves all joints to these angles, rad, at this speed, rad/s, and returns when they are there.
-    fn move_to(&mut self, joints: &Joints<AXES>, speed: f64) -> Result<(), Self::Error>;
+    fn move_to(&mut self, joints: &Joints<N>, speed: f64) -> Result<(), Self::Error>;
 
     /// Returns the means of joints and torques over a second, after the arm has come to rest.
-    fn measure(&mut self) -> Result<HeldPose<AXES>, Self::Error>;
+    fn measure(&mut self) -> Result<HeldPose<N>, Self::Error>;
 }
 
 /// A gravity calibration, and how well it explains what was measured.
 #[derive(Clone, Copy, Debug)]
-pub struct GravityResult {
+pub struct GravityResult<const N: usize = AXES> {
     /// The moments.
-    pub calibration: GravityCalibration<AXES>,
+    pub calibration: GravityCalibration<N>,
     /// Root mean square of the unexplained torques in the poses of the calibration, Nm.
-    pub residual: Joints<AXES>,
+    pub residual: Joints<N>,
     /// The same in other poses, with the moments before and the new ones.
-    pub before: Joints<AXES>,
+    pub before: Joints<N>,
     /// With the new ones.
-    pub verified: Joints<AXES>,
+    pub verified: Joints<N>,
     /// Friction of the joints, Nm: a torque below it moves nothing.
-    pub friction: Joints<AXES>,
+    pub friction: Joints<N>,
 }
 
-impl GravityResult {
+impl<const N: usize> GravityResult<N> {
     /// Returns whether no joint has an unexplained torque beyond its friction in the verification.
     pub fn is_verified(&self) -> bool {
         let below = |joint: usize| self.verified[joint] <= self.friction[joint];
-        (0..AXES).all(below)
+        (0..N).all(below)
     }
 }
 
@@ -72,18 +72,18 @@ pub const fn gravity_poses() -> usize {
 /// Moves an arm through the poses of a gravity calibration, and returns the moments that explain its torques.
 ///
 /// `progress` is called with the number of poses that are done. Errors: those of the arm, which holds where it is.
-pub fn calibrate_gravity<A: MeasuredArm>(
+pub fn calibrate_gravity<A: MeasuredArm<N>, const N: usize>(
     arm: &mut A,
-    model: &WamModel<AXES>,
+    model: &WamModel<N>,
     mut progress: impl FnMut(usize),
-) -> Result<GravityResult, A::Error> {
+) -> Result<GravityResult<N>, A::Error> {
     let mut held = Vec::new();
     for pose in POSES.iter().chain(&VERIFIED) {
-        held.push(hold(arm, &Joints::from(*pose))?);
+        held.push(hold(arm, &Joints::from_fn(|joint, _| pose[joint]))?);
         progress(held.len());
     }
     let (measured, others) = held.split_at(POSES.len());
-    let chain: &Chain<AXES> = &model.chain;
+    let chain: &Chain<N> = &model.chain;
     let calibration = model.calibration.fitted(chain, measured);
     Ok(GravityResult {
         calibration,
@@ -95,7 +95,10 @@ pub fn calibrate_gravity<A: MeasuredArm>(
 }
 
 /// Measures a pose from both sides.
-fn hold<A: MeasuredArm>(arm: &mut A, pose: &Joints<AXES>) -> Result<HeldPose<AXES>, A::Error> {
+fn hold<A: MeasuredArm<N>, const N: usize>(
+    arm: &mut A,
+    pose: &Joints<N>,
+) -> Result<HeldPose<N>, A::Error> {
     let mut from = |side: f64| {
         arm.move_to(&pose.add_scalar(side * ANGLE_DIFFERENCE), SPEED)?;
         arm.move_to(pose, SLOW_SPEED)?;

@@ -1,4 +1,4 @@
-//! The seven-joint WAM arm.
+//! The WAM arm, with four or with seven joints.
 //!
 //! [`WamModel`] holds the parameters of the arm. [`SimulatedWam`] and [`DynamicWam`] need no hardware: the first
 //! moves exactly as commanded, the second has masses, friction, motors and a controller. [`can::CanWam`] is a real
@@ -26,8 +26,8 @@ pub mod wam_units;
 
 pub(crate) use arm_control::UNITS_PER_AMPERE;
 pub use arm_control::{ArmControl, ArmError};
-pub use arm_device::{ArmDevice, ControlledArm};
-pub use axis_parameters::{AXES, parameters};
+pub use arm_device::{ArmDevice, ControlledArm, count_word};
+pub use axis_parameters::{AXES, parameters, parameters_of};
 pub use dynamic_arm::DynamicArm;
 pub use dynamic_wam::DynamicWam;
 pub use gravity_procedure::{GravityResult, MeasuredArm, calibrate_gravity, gravity_poses};

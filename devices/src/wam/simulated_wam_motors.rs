@@ -6,11 +6,11 @@ use std::time::{Duration, Instant};
 use super::SimulatedWam;
 use crate::{
     AmplifierControl, AmplifierLimit, Axes, AxisIndex, CalibrationParameters, ControlCalibration,
-    CurrentControl, Device, DeviceError, EncoderReading, Fault, Impedance, ImpedanceControl,
-    ImpedanceLimits, Interaction, InteractionMode, JointBrake, JointFault, Limits, MotionControl,
-    Motor, MotorEncoders, MotorTorqueParameters, Pid, PidControl, PidInfo, PidKind, PidValue,
-    PositionControl, PositionDirect, PwmControl, RemoteCalibrator, RemoteVariables, TorqueControl,
-    VariableValue, VelocityDirect, VirtualSensor,
+    ControlDebug, CurrentControl, Device, DeviceError, EncoderReading, Fault, Impedance,
+    ImpedanceControl, ImpedanceLimits, Interaction, InteractionMode, JointBrake, JointFault,
+    Limits, MotionControl, Motor, MotorEncoders, MotorTorqueParameters, Pid, PidControl, PidInfo,
+    PidKind, PidValue, PositionControl, PositionDirect, PwmControl, RemoteCalibrator,
+    RemoteVariables, TorqueControl, VariableValue, VelocityDirect, VirtualSensor,
 };
 
 /// Longer than any way home takes.
@@ -39,6 +39,7 @@ impl Device for SimulatedWam {
         control_calibration: ControlCalibration,
         remote_calibrator: RemoteCalibrator,
         remote_variables: RemoteVariables,
+        control_debug: ControlDebug,
         joint_fault: JointFault,
         joint_brake: JointBrake,
         virtual_sensor: VirtualSensor,
@@ -135,6 +136,10 @@ as_the_model_does! {
         variables() -> Vec<String>;
         variable(name: &str) -> Vec<VariableValue>;
         set_variable(name: &str, value: &[VariableValue]) -> ();
+    }
+    ControlDebug {
+        save_boot_memory() -> ();
+        load_boot_memory() -> ();
     }
     JointFault {
         last_fault(axis: AxisIndex) -> Fault;

@@ -33,6 +33,9 @@ use std::time::Duration;
 pub struct WamModel<const N: usize> {
     /// Links, joint limits and the tool.
     pub chain: Chain<N>,
+    /// Frame of the tool plate, where the arm ends, in the frame of the last link: with four joints that link begins at the
+    /// elbow.
+    pub plate: Pose,
     /// Each link in the frame of its row; a load is part of the last.
     pub bodies: [Body; N],
     /// The inertia of the motors' rotors, seen at the joints, kg m².
@@ -99,7 +102,7 @@ const ROWS: [DhRow; 7] = [
 ];
 
 /// D1001 table 6, but 3.13 instead of 3.1 at the top of the elbow, so that home is inside.
-const LIMITS: [Limits; 7] = [
+pub(super) const LIMITS: [Limits; 7] = [
     Limits::new(-2.6, 2.6),
     Limits::new(-2.0, 2.0),
     Limits::new(-2.8, 2.8),
@@ -117,7 +120,7 @@ const STALL_ERROR: f64 = 10.0;
 const STALL_TIME: Duration = Duration::from_millis(200);
 
 /// LB `zerocal.conf`.
-const HOME: [f64; 7] = [0.0, -2.0, 0.0, 3.13, 0.0, 0.0, 0.0];
+pub(super) const HOME: [f64; 7] = [0.0, -2.0, 0.0, 3.13, 0.0, 0.0, 0.0];
 /// LB `calgrav.c`.
 const GRAVITY: f64 = 9.805;
 /// The length of the bare outer link of the arm with four joints, m (LB; D1001 has 0.35).
@@ -279,7 +282,7 @@ impl WamModel<4> {
             MOMENTS_OF_FOUR,
             gains,
         )
-        .with_tool(Pose::translation(0.0, 0.0, OUTER_LINK))
+        .with_plate(Pose::translation(0.0, 0.0, OUTER_LINK))
     }
 }
 
@@ -290,21 +293,25 @@ impl Default for WamModel<4> {
 }
 
 impl<const N: usize> WamModel<N> {
-    /// Returns the same arm with another tool, given by its frame in the frame of the last link.
-    ///
-    /// For seven joints that frame is the tool plate.
+    /// Returns the same arm with its tool plate elsewhere in the frame of the last link, and no tool.
+    fn with_plate(self, plate: Pose) -> Self {
+        Self { plate, ..self }.with_tool(Pose::identity())
+    }
+
+    /// Returns the same arm with another tool, given by its frame in the frame of the tool plate.
     pub fn with_tool(mut self, tool: Pose) -> Self {
-        self.chain = self.chain.with_tool(tool);
+        self.chain = self.chain.with_tool(self.plate * tool);
         self
     }
 
-    /// The same arm with a load bolted to its last link, described in that link's frame.
+    /// The same arm with a load bolted to its tool plate, described in the frame of the plate.
     ///
     /// The moments of the gravity compensation grow along, as a new calibration would find them.
     pub fn with_load(mut self, load: Body) -> Self {
         let Some(last) = N.checked_sub(1) else {
             return self;
         };
+        let load = load.seen_from(&self.plate);
         self.bodies[last] = self.bodies[last].joined_with(&load);
         let offsets: [Vector3<f64>; N] = std::array::from_fn(|joint| self.chain.link_offset(joint));
         for (joint, moment) in self.calibration.moments.iter_mut().enumerate() {
@@ -358,6 +365,7 @@ impl<const N: usize> WamModel<N> {
         let joint_to_motor = SMatrix::from_fn(|motor, joint| JOINT_TO_MOTOR[motor][joint]);
         Self {
             chain: Chain::new(rows, limits),
+            plate: Pose::identity(),
             bodies: links.map(Body::from),
             rotors: Joints::from_fn(|joint, _| ROTORS[joint]),
             gravity: GRAVITY,

@@ -53,7 +53,9 @@ pub use bricks::{BrickKind, Face};
 pub use dataset::{Dataset, DatasetOptions, objects_xml, write_models, write_shot};
 pub use lighting::{Effects, Lamp, Lighting};
 #[cfg(unix)]
-pub use live::{DEPTH_FROM, DEPTH_STEP, LiveOptions, LiveTable, TableCamera, TableStatistics};
+pub use live::{
+    DEPTH_FROM, DEPTH_STEP, LiveOptions, LiveTable, TableArm, TableCamera, TableStatistics,
+};
 pub use object::{BOARD_THICKNESS, Class, Finish, Object, Shape};
 pub use physics::{Contact, Other, PathCheck, Physics, Reaction, RobotState, STEP, Solid};
 pub use placement::{NoRoom, Placement};

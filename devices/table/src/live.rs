@@ -1,5 +1,6 @@
 //! The table in real time: arm, hand and cameras as devices that any wrapper serves.
 
+use std::fmt;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
@@ -10,8 +11,10 @@ use yarp_devices::clock;
 use yarp_devices::hand::simulated::{Load, SimulatedHand, SimulatedHandOptions};
 use yarp_devices::hand::{BarrettHand, HandBoard, HandOptions};
 use yarp_devices::image::{Frame, Image, PixelFormat};
+use yarp_devices::kinematics::Joints;
 use yarp_devices::simulation::SimulatorOptions;
-use yarp_devices::wam::{DynamicArm, DynamicWam};
+use yarp_devices::wam::can::CanOptions;
+use yarp_devices::wam::{DynamicArm, DynamicWam, SimulatedCanWam};
 use yarp_devices::{
     CameraConfiguration, Device, DeviceError, FrameGrabberImage, FrameGrabberImageRaw, Hand,
     Intrinsics, RgbVisualParams, offers,
@@ -20,14 +23,30 @@ use yarp_devices::{
 use crate::physics::{Contact, Other, Physics, RobotState, STEP};
 use crate::simulated_robot::{HandPosture, PALM, RobotPosture};
 use crate::simulation::arm_model;
-use crate::{Camera, DepthNoise, Effects, Lens, Pose, Renderer, Scene};
+use crate::{Camera, DepthNoise, Effects, Lens, Pose, Random, Renderer, Scene};
 
-/// A camera that nobody has asked for this long renders nothing.
-const UNWATCHED: Duration = Duration::from_secs(2);
+/// Time after a request for an image for which a camera renders. A stream asks at least every 33 ms; a program that asks less often than this
+/// gets the image that followed its last request.
+const UNWATCHED: Duration = Duration::from_millis(300);
 /// Depth that value 0 of a depth image stands for, and the step from value to value, m.
 pub const DEPTH_FROM: f32 = 0.25;
 /// See [`DEPTH_FROM`].
 pub const DEPTH_STEP: f32 = 0.003;
+
+/// Kinds of arm of a table.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum TableArm {
+    /// Masses, friction, encoders and control.
+    #[default]
+    Dynamic,
+    /// The same behind the driver of its CAN bus, at home and activated. Only at the speed of a real robot.
+    OnBus {
+        /// True if it has the effects of a real arm.
+        effects: bool,
+        /// Share of the frames on the bus that are lost.
+        lost_frames: f64,
+    },
+}
 
 /// Options of a table that runs in real time.
 #[derive(Clone, Debug)]
@@ -43,6 +62,8 @@ pub struct LiveOptions {
     pub seed: u64,
     /// The camera; `None` for [`Scene::camera`].
     pub camera: Option<Camera>,
+    /// The arm.
+    pub arm: TableArm,
 }
 
 impl Default for LiveOptions {
@@ -53,6 +74,7 @@ impl Default for LiveOptions {
             effects: Effects::default(),
             seed: 0,
             camera: None,
+            arm: TableArm::default(),
         }
     }
 }
@@ -60,6 +82,8 @@ impl Default for LiveOptions {
 /// Niceness of the threads that render, above that of control, physics and network.
 #[cfg(target_os = "linux")]
 const RENDERING_NICENESS: i32 = 10;
+/// Images after a rest that follow each other as fast as they are rendered: who looks now and then waits for them.
+const QUICK_IMAGES: u32 = 3;
 /// Maximum rate of a camera, images a second.
 const MAX_RATE: f64 = 30.0;
 /// Images of the small sensors above the baskets for each one of the camera: an arm waits for them before each release.
@@ -72,12 +96,19 @@ pub struct TableStatistics {
     pub simulated: Duration,
     /// Times that the robot touched table or baskets, or arm or palm touched an object; each counts until it is over.
     pub collisions: u64,
+    /// Frames that the bus of the arm lost.
+    pub lost_frames: u64,
+}
+
+/// The arm of a table.
+enum Arm {
+    Dynamic(Arc<DynamicWam>),
+    OnBus(Arc<SimulatedCanWam>),
 }
 
 /// A table whose arm, hand and cameras are devices; dropping it ends their threads.
-#[derive(Debug)]
 pub struct LiveTable {
-    arm: Arc<DynamicWam>,
+    arm: Arm,
     hand: Arc<HandBoard>,
     camera: Arc<TableCamera>,
     depth: Arc<TableCamera>,
@@ -85,7 +116,15 @@ pub struct LiveTable {
     scene: Arc<Mutex<Scene>>,
     statistics: Arc<Mutex<TableStatistics>>,
     // Last, so that the hand at this end of the line is gone before.
-    _line: Arc<SimulatedHand>,
+    line: Arc<SimulatedHand>,
+}
+
+impl fmt::Debug for LiveTable {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("LiveTable")
+            .field("statistics", &self.statistics())
+            .finish_non_exhaustive()
+    }
 }
 
 impl LiveTable {
@@ -96,6 +135,14 @@ impl LiveTable {
     pub fn start(mut scene: Scene, options: LiveOptions) -> Result<Self, DeviceError> {
         check("the speed of a table,", options.speed, [0.1, 20.0])?;
         check("the rate of a camera,", options.rate, [0.1, MAX_RATE])?;
+        if let TableArm::OnBus { lost_frames, .. } = options.arm {
+            check("the speed of an arm on its bus,", options.speed, [1.0, 1.0])?;
+            check(
+                "the share of frames that are lost,",
+                lost_frames,
+                [0.0, 1.0],
+            )?;
+        }
         let simulator = SimulatorOptions {
             period: STEP,
             seed: options.seed,
@@ -122,7 +169,7 @@ impl LiveTable {
             hand: Arc::clone(&line),
             loads: [Load::default(); 3],
         };
-        let arm = start_arm(world, simulator, options.speed)?;
+        let arm = start_arm(world, simulator, &options)?;
         let overhead = options.camera.unwrap_or_else(|| lock(&scene).camera());
         let beside = lock(&scene).depth_camera();
         let kind = Kind::Colour(options.effects);
@@ -139,20 +186,23 @@ impl LiveTable {
         };
         let baskets = [above(right)?, above(left)?];
         Ok(Self {
-            arm: Arc::new(arm),
+            arm,
             hand,
             camera: Arc::new(camera),
             depth: Arc::new(depth),
             baskets,
             scene,
             statistics,
-            _line: line,
+            line,
         })
     }
 
     /// Returns the arm.
-    pub fn arm(&self) -> Arc<DynamicWam> {
-        Arc::clone(&self.arm)
+    pub fn arm(&self) -> Arc<dyn Device> {
+        match &self.arm {
+            Arm::Dynamic(arm) => arm.clone(),
+            Arm::OnBus(arm) => arm.clone(),
+        }
     }
 
     /// Returns the hand.
@@ -176,9 +226,21 @@ impl LiveTable {
         self.baskets.clone()
     }
 
+    /// Lets the motors of the hand stand still while its processor goes on, or ends that.
+    pub fn stall_hand(&self, stalled: bool) {
+        self.line.freeze(stalled);
+    }
+
     /// Returns what happened so far.
     pub fn statistics(&self) -> TableStatistics {
-        *lock(&self.statistics)
+        let lost_frames = match &self.arm {
+            Arm::Dynamic(_) => 0,
+            Arm::OnBus(arm) => arm.lost_frames(),
+        };
+        TableStatistics {
+            lost_frames,
+            ..*lock(&self.statistics)
+        }
     }
 
     /// Returns the scene, shared, for code that outlives the borrow of the table.
@@ -236,10 +298,9 @@ impl World {
 fn start_arm(
     mut world: World,
     simulator: SimulatorOptions,
-    speed: f64,
-) -> Result<DynamicWam, DeviceError> {
-    let period = STEP.div_f64(speed);
-    DynamicWam::start_among(arm_model(), simulator, period, move |joints| {
+    options: &LiveOptions,
+) -> Result<Arm, DeviceError> {
+    let surroundings = move |joints: &Joints<7>| {
         let state = RobotState {
             joints: *joints,
             hand: Some(world.hand.exchange(&world.loads)),
@@ -248,7 +309,30 @@ fn start_arm(
         world.loads = reaction.loads;
         world.count();
         Some(reaction.torques)
-    })
+    };
+    let TableArm::OnBus {
+        effects,
+        lost_frames,
+    } = options.arm
+    else {
+        let period = STEP.div_f64(options.speed);
+        let arm = DynamicWam::start_among(arm_model(), simulator, period, surroundings)?;
+        return Ok(Arm::Dynamic(Arc::new(arm)));
+    };
+    let driver = CanOptions {
+        home_confirmed: true,
+        ..CanOptions::default()
+    };
+    let real = SimulatorOptions {
+        period: STEP,
+        seed: options.seed,
+        ..SimulatorOptions::real_arm()
+    };
+    let simulator = if effects { real } else { simulator };
+    let arm = SimulatedCanWam::start_among(arm_model(), driver, simulator, surroundings)?;
+    arm.activate()?;
+    arm.lose_frames(lost_frames);
+    Ok(Arm::OnBus(Arc::new(arm)))
 }
 
 /// Output of a camera.
@@ -278,6 +362,7 @@ struct Shared {
     started: Instant,
     pose: Mutex<Pose>,
     covered: AtomicBool,
+    frozen: AtomicBool,
 }
 
 impl Shared {
@@ -302,6 +387,7 @@ impl TableCamera {
             started: Instant::now(),
             pose: Mutex::new(camera.pose),
             covered: AtomicBool::new(false),
+            frozen: AtomicBool::new(false),
         });
         let (theirs, scene) = (Arc::clone(&shared), Arc::clone(scene));
         let thread = thread::Builder::new()
@@ -337,6 +423,11 @@ impl TableCamera {
         self.shared.covered.store(covered, Ordering::Release);
     }
 
+    /// Lets the camera take no new image, or ends that.
+    pub fn set_frozen(&self, frozen: bool) {
+        self.shared.frozen.store(frozen, Ordering::Release);
+    }
+
     fn newest(&self) -> Result<Frame, DeviceError> {
         let now = self.shared.started.elapsed().as_millis() as u64;
         self.shared.asked.store(now.max(1), Ordering::Release);
@@ -363,31 +454,65 @@ impl Drop for TableCamera {
     }
 }
 
+/// Schedule of the images of a camera.
+struct ImageSchedule {
+    period: Duration,
+    /// Time of the next image.
+    due: Instant,
+    /// Number of images that may still follow each other at once.
+    quick: u32,
+}
+
+impl ImageSchedule {
+    fn new(period: Duration, now: Instant) -> Self {
+        Self {
+            period,
+            due: now,
+            quick: QUICK_IMAGES,
+        }
+    }
+
+    /// Notes that nobody watches.
+    fn rest(&mut self) {
+        self.quick = QUICK_IMAGES;
+    }
+
+    /// Notes that an image is taken now.
+    fn take(&mut self, now: Instant) {
+        self.quick = self.quick.saturating_sub(1);
+        self.due = match self.quick {
+            0 => (self.due + self.period).max(now),
+            _ => now,
+        };
+    }
+}
+
 fn run(shared: &Shared, scene: &Mutex<Scene>, lens: Lens, kind: Kind, period: Duration) {
-    // A late image disturbs nobody; a late set point does. Refused nowhere: everybody may be nicer.
+    // A late image does no harm, a late set point does. Raising the niceness needs no permission.
     #[cfg(target_os = "linux")]
     let _ = rustix::process::setpriority_process(None, RENDERING_NICENESS);
     let renderer = Renderer::new();
     let mut taken = 0;
-    let mut due = Instant::now();
+    let mut schedule = ImageSchedule::new(period, Instant::now());
     while !shared.ending.load(Ordering::Acquire) {
         let now = Instant::now();
-        if !shared.is_watched() {
+        if !shared.is_watched() || shared.frozen.load(Ordering::Acquire) {
+            schedule.rest();
             // Woken by whoever asks first.
             thread::park_timeout(UNWATCHED);
             continue;
         }
-        if now < due {
-            thread::park_timeout(due - now);
+        if now < schedule.due {
+            thread::park_timeout(schedule.due - now);
             continue;
         }
-        due = (due + period).max(now);
+        schedule.take(now);
         let time = clock::now();
         let scene = lock(scene).clone();
         let pose = *lock(&shared.pose);
         let camera = &Camera { lens, pose };
         let image = match kind {
-            Kind::Colour(_) if shared.covered.load(Ordering::Acquire) => dark(&lens),
+            Kind::Colour(_) if shared.covered.load(Ordering::Acquire) => dark(&lens, taken),
             Kind::Colour(effects) => {
                 let seed = effects.seed.wrapping_add(taken);
                 renderer
@@ -411,10 +536,17 @@ fn run(shared: &Shared, scene: &Mutex<Scene>, lens: Lens, kind: Kind, period: Du
 }
 
 /// Returns what a sensor behind a cover delivers.
-fn dark(lens: &Lens) -> Image {
-    let values = vec![0; lens.width * lens.height * 3];
-    Image::new(PixelFormat::Rgb, lens.width, lens.height, values)
-        .expect("an image has three values per pixel")
+fn dark(lens: &Lens, seed: u64) -> Image {
+    // A little noise, like any sensor.
+    let mut random = Random::new(seed);
+    let values = (0..lens.width * lens.height * 3).map(|_| (random.unit() * 3.0) as u8);
+    Image::new(
+        PixelFormat::Rgb,
+        lens.width,
+        lens.height,
+        values.collect::<Vec<u8>>(),
+    )
+    .expect("an image has three values per pixel")
 }
 
 /// Depth as grey values.
@@ -527,5 +659,34 @@ impl FrameGrabberImageRaw for TableCamera {
 
     fn raw_image(&self) -> Result<Frame, DeviceError> {
         self.newest()?.to_mono()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn images_after_a_rest_come_at_once_and_later_ones_in_their_turn() {
+        let period = Duration::from_millis(200);
+        let start = Instant::now();
+        let mut schedule = ImageSchedule::new(period, start);
+        let mut taken = Vec::new();
+        let mut now = start;
+        for step in 0..1000 {
+            now = start + Duration::from_millis(10) * step;
+            if now >= schedule.due {
+                taken.push((now - start).as_millis());
+                schedule.take(now);
+            }
+            if taken.len() == 6 {
+                break;
+            }
+        }
+        assert_eq!(taken, [0, 10, 20, 210, 410, 610]);
+        schedule.rest();
+        now += period;
+        schedule.take(now);
+        assert_eq!(schedule.due, now);
     }
 }

@@ -3,10 +3,8 @@
 
 use std::time::{Duration, Instant};
 
-use yarp_devices::{
-    Axes, Encoders, FrameGrabberImage, FrameGrabberImageRaw, Hand, PositionControl, RgbVisualParams,
-};
-use yarp_table::{DEPTH_FROM, DEPTH_STEP, LiveOptions, LiveTable, Placement, Scene};
+use yarp_devices::{Axes, FrameGrabberImage, FrameGrabberImageRaw, Hand, RgbVisualParams};
+use yarp_table::{DEPTH_FROM, DEPTH_STEP, LiveOptions, LiveTable, Placement, Scene, TableArm};
 
 /// Asks until there is an answer.
 fn wait<T>(mut ask: impl FnMut() -> Option<T>) -> T {
@@ -46,10 +44,15 @@ fn arm_hand_and_cameras_share_one_table() {
 
     // The arm unfolds over the table; the scene and a later image show it.
     let target = [0.0, 20.0, 0.0, 110.0, 0.0, 20.0, 0.0];
-    arm.position_move(Axes::All, &target).unwrap();
-    wait(|| arm.motion_done(Axes::All).unwrap().then_some(()));
+    let moves = arm.position_control().expect("it moves");
+    moves.position_move(Axes::All, &target).unwrap();
+    wait(|| moves.motion_done(Axes::All).unwrap().then_some(()));
     let shown = table.scene().robot.unwrap().joints;
-    let told = arm.encoder_readings(Axes::All).unwrap();
+    let told = arm
+        .encoders()
+        .expect("it has encoders")
+        .encoder_readings(Axes::All)
+        .unwrap();
     for (joint, reading) in shown.iter().zip(told) {
         let apart = joint.to_degrees() - reading.position;
         assert!(apart.abs() < 2.0, "{shown} {reading:?}");
@@ -94,4 +97,36 @@ fn senseless_options_are_refused() {
     assert!(refused(0.0, 5.0).contains("speed"));
     assert!(refused(f64::NAN, 5.0).contains("speed"));
     assert!(refused(1.0, 1000.0).contains("rate"));
+}
+
+#[test]
+fn an_arm_on_its_bus_is_active_at_home_and_moves_at_the_speed_of_a_real_one() {
+    for effects in [false, true] {
+        let mut options = LiveOptions::default();
+        let on_bus = |lost_frames| TableArm::OnBus {
+            effects,
+            lost_frames,
+        };
+        options.arm = on_bus(1e-4);
+        let table = LiveTable::start(Scene::empty(), options.clone()).unwrap();
+        let arm = table.arm();
+        let moves = arm.position_control().expect("it moves");
+        let target = [0.0, 20.0, 0.0, 110.0, 0.0, 40.0, 0.0];
+        moves.position_move(Axes::All, &target).unwrap();
+        wait(|| moves.motion_done(Axes::All).unwrap().then_some(()));
+        // Where a bystander sees it, too: it was at home when its driver took its position.
+        let shown = table.scene().robot.unwrap().joints;
+        for (joint, target) in shown.iter().zip(target) {
+            let apart = joint.to_degrees() - target;
+            assert!(apart.abs() < 3.0, "{shown}");
+        }
+        wait(|| (table.statistics().lost_frames > 0).then_some(()));
+        assert!(table.statistics().simulated > Duration::from_secs(1));
+        drop((arm, table));
+        options.arm = on_bus(1.1);
+        assert!(LiveTable::start(Scene::empty(), options.clone()).is_err());
+        options.arm = on_bus(0.0);
+        options.speed = 2.0;
+        assert!(LiveTable::start(Scene::empty(), options).is_err());
+    }
 }

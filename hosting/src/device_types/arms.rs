@@ -1,89 +1,42 @@
 //! Arms: simulated ones, one behind its embedded PC, and one on a CAN bus.
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, ToSocketAddrs};
-use std::sync::Arc;
 
-use yarp_devices::embedded::{
-    ARM_PORT, DriverOptions, EmbeddedWam, LinkAddresses, LinkMode, PACKET_PORT,
-};
-use yarp_devices::simulation::SimulatorOptions;
-use yarp_devices::wam::can::CanWam;
-use yarp_devices::wam::{DynamicWam, SimulatedCanWam, SimulatedWam};
-use yarp_devices::{Device, DeviceError};
+use yarp_devices::embedded::{ARM_PORT, LinkAddresses, LinkMode, PACKET_PORT};
 use yarp_wire::settings::Parameters;
 
 use super::local_device::{self, LocalDevice};
 use super::{OpenResult, Opening};
-use crate::{ArmConfiguration, HostError};
+use crate::{ArmKind, ConfiguredArm, HostError};
 
 pub(super) async fn ideal(opening: Opening<'_>) -> OpenResult {
-    let configuration = ArmConfiguration::from_parameters(opening.parameters, None)?;
-    open(opening, configuration, false, |_| Ok(SimulatedWam::new())).await
+    open(opening, ArmKind::Ideal).await
 }
 
 pub(super) async fn dynamic(opening: Opening<'_>) -> OpenResult {
-    let configuration = ArmConfiguration::from_parameters(opening.parameters, None)?
-        .with_simulator(opening.parameters, SimulatorOptions::default())?;
-    open(opening, configuration, true, |configuration| {
-        DynamicWam::start_with(configuration.model.clone(), configuration.simulator)
-    })
-    .await
+    open(opening, ArmKind::Dynamic).await
 }
 
-/// Opens the driver of the CAN bus in front of a simulated arm.
 pub(super) async fn on_simulated_bus(opening: Opening<'_>) -> OpenResult {
-    let configuration = ArmConfiguration::from_parameters(opening.parameters, None)?
-        .with_simulator(opening.parameters, SimulatorOptions::real_arm())?;
-    open(opening, configuration, true, |configuration| {
-        SimulatedCanWam::start(
-            configuration.model.clone(),
-            configuration.can.clone(),
-            configuration.simulator,
-        )
-    })
-    .await
-}
-
-/// Starts an arm, with guards in front of it by default or not.
-async fn open<D: Device + 'static>(
-    opening: Opening<'_>,
-    configuration: ArmConfiguration,
-    guarded: bool,
-    start: impl FnOnce(&ArmConfiguration) -> Result<D, DeviceError> + Send + 'static,
-) -> OpenResult {
-    let arm = local_device::start_shared(opening.parameters, move || {
-        let arm = Arc::new(start(&configuration)?);
-        configuration.narrow(arm.as_ref())?;
-        configuration.guard(arm, guarded)
-    })
-    .await?;
-    Ok(Box::new(LocalDevice::machine(arm)))
+    open(opening, ArmKind::SimulatedCan).await
 }
 
 /// Opens an arm behind its embedded PC. The driver listens unless an address to connect to is
 /// given, like `yarp up --arm embedded`.
 pub(super) async fn embedded(opening: Opening<'_>) -> OpenResult {
-    let parameters = opening.parameters;
-    let options = DriverOptions::new(link_mode(parameters)?);
-    let configuration = ArmConfiguration::from_parameters(parameters, None)?;
-    open(opening, configuration, true, move |_| {
-        EmbeddedWam::start(options)
-    })
-    .await
+    let link_mode = link_mode(opening.parameters)?;
+    open(opening, ArmKind::Embedded(link_mode)).await
 }
 
 pub(super) async fn on_can_bus(opening: Opening<'_>) -> OpenResult {
-    let parameters = opening.parameters;
-    let interface: String = parameters.need("interface")?;
-    let configuration = ArmConfiguration::from_parameters(parameters, Some(&interface))?;
-    open(opening, configuration, true, move |configuration| {
-        CanWam::on_interface_with(
-            configuration.model.clone(),
-            &interface,
-            configuration.can.clone(),
-        )
-    })
-    .await
+    let interface = opening.parameters.need("interface")?;
+    open(opening, ArmKind::Can(interface)).await
+}
+
+async fn open(opening: Opening<'_>, kind: ArmKind) -> OpenResult {
+    let arm = ConfiguredArm::from_parameters(kind, opening.parameters)?;
+    let arm = local_device::start_shared(opening.parameters, move || arm.start()).await?;
+    Ok(Box::new(LocalDevice::machine(arm)))
 }
 
 fn link_mode(parameters: &Parameters) -> Result<LinkMode, HostError> {

@@ -14,12 +14,14 @@ use yarp_wire::settings::Parameters;
 use yarp_wrappers::frame_grabber::Capability;
 use yarp_wrappers::{
     FrameGrabberOptions, FrameGrabberServer, RemoteFrameGrabber, RemoteFrameGrabberOptions,
+    SoundPort,
 };
 
 use super::attached_server::{AttachedServer, check_period};
 use super::local_device::{self, LocalDevice};
 use super::remote_board::cast;
 use super::{OpenResult, Opening};
+use crate::shared_parameters::flag;
 use crate::{Attached, HostError};
 
 /// Parameters of stock's simulated camera that have no effect here.
@@ -34,18 +36,29 @@ const IGNORED_PARAMETERS: [&str; 9] = [
     "bayer",
     "mono",
 ];
+/// Port of the sound of stock's `grabber`.
+const DEFAULT_SOUND_NAME: &str = "/grabber2";
+const PERIODS_IN_MILLISECONDS: &str = "1 to 60000 milliseconds";
+/// Rates of a server, images a second: the periods of a server are 1 ms to 60 s.
+const VALID_GRABBER_RATES: std::ops::RangeInclusive<f64> = 1.0 / 60.0..=1000.0;
 const VALID_RATES: std::ops::RangeInclusive<f64> = 0.1..=1000.0;
 
 pub(super) async fn simulated(opening: Opening<'_>) -> OpenResult {
     let parameters = opening.parameters;
+    let options = simulated_options(parameters)?;
+    let camera = local_device::start(parameters, move || SimulatedCamera::start(options)).await?;
+    Ok(Box::new(LocalDevice::camera(camera)))
+}
+
+/// Reads the options of a simulated camera, and warns of those without an effect.
+pub(super) fn simulated_options(parameters: &Parameters) -> Result<CameraOptions, HostError> {
     let options = options(parameters)?;
     for name in IGNORED_PARAMETERS {
         if parameters.has(name) {
             tracing::warn!("{}: parameter {name} has no effect", parameters.device());
         }
     }
-    let camera = local_device::start(parameters, move || SimulatedCamera::start(options)).await?;
-    Ok(Box::new(LocalDevice::camera(camera)))
+    Ok(options)
 }
 
 fn options(parameters: &Parameters) -> Result<CameraOptions, HostError> {
@@ -123,20 +136,69 @@ pub(super) async fn remote(opening: Opening<'_>) -> OpenResult {
 
 pub(super) async fn server(opening: Opening<'_>) -> OpenResult {
     let period = opening.parameters.get::<Duration>("period")?;
-    with_period(opening, period, "0.001 to 60 seconds")
+    with_period(
+        opening,
+        FrameGrabberOptions::new(),
+        period,
+        "0.001 to 60 seconds",
+    )
 }
 
-/// Opens a server under its names of YARP 2, `grabber` and `grabberDual`: the period is a whole number of milliseconds.
+/// Opens a server under its old name `grabberDual`: the period is a whole number of milliseconds.
 pub(super) async fn old_server(opening: Opening<'_>) -> OpenResult {
-    let period = opening.parameters.get::<usize>("period")?;
-    let period = period.map(|period| Duration::from_millis(period as u64));
-    with_period(opening, period, "1 to 60000 milliseconds")
+    let period = period_in_milliseconds(opening.parameters)?;
+    with_period(
+        opening,
+        FrameGrabberOptions::new(),
+        period,
+        PERIODS_IN_MILLISECONDS,
+    )
 }
 
-fn with_period(opening: Opening<'_>, period: Option<Duration>, expected: &str) -> OpenResult {
+/// Opens a server under its oldest name `grabber`, which serves the sound of a camera with a microphone, too: on the port `name2`, or with
+/// `shared-ports` together with the images.
+///
+/// Source: `ServerFrameGrabber.cpp` of 3.5. Its port of the images answers requests, as here.
+pub(super) async fn server_with_sound(opening: Opening<'_>) -> OpenResult {
+    let parameters = opening.parameters;
+    let mut period = period_in_milliseconds(parameters)?;
+    // Without a rate, and with one that is not above 0, `period` counts. A camera without parameters of its own reads the same
+    // `framerate`, and -1 is its default rate in `usbCamera`.
+    let rate = parameters.get_or("framerate", 0.0)?;
+    if rate > 0.0 {
+        if !VALID_GRABBER_RATES.contains(&rate) {
+            let expected = "1/60 to 1000 images a second";
+            return Err(parameters.refuse("framerate", expected).into());
+        }
+        period = Some(Duration::from_secs_f64(1.0 / rate));
+    }
+    let name: Option<PortName> = parameters.get("name2")?;
+    let name = name.map_or_else(|| DEFAULT_SOUND_NAME.to_owned(), |name| name.to_string());
+    let sound = match flag(parameters, "shared-ports")? {
+        true => SoundPort::Shared,
+        false => SoundPort::Separate(name),
+    };
+    // Every image has a stamp here, and the server has a thread of its own.
+    for name in ["stamp", "single_threaded"] {
+        parameters.has(name);
+    }
+    let options = FrameGrabberOptions::new().sound(sound);
+    with_period(opening, options, period, PERIODS_IN_MILLISECONDS)
+}
+
+fn period_in_milliseconds(parameters: &Parameters) -> Result<Option<Duration>, HostError> {
+    let period = parameters.get::<usize>("period")?;
+    Ok(period.map(|period| Duration::from_millis(period as u64)))
+}
+
+fn with_period(
+    opening: Opening<'_>,
+    mut options: FrameGrabberOptions,
+    period: Option<Duration>,
+    expected: &str,
+) -> OpenResult {
     let parameters = opening.parameters;
     let name: Option<PortName> = parameters.get("name")?;
-    let mut options = FrameGrabberOptions::new();
     if let Some(period) = period {
         options = options.period(check_period(parameters, period, expected)?);
     }

@@ -10,8 +10,6 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use yarp_devices::Device;
-use yarp_devices::cartesian::{CartesianController, CartesianOptions};
-use yarp_devices::wam::WamModel;
 use yarp_wire::PortName;
 use yarp_wire::settings::{Origin, ParameterError};
 use yarp_wrappers::{
@@ -22,6 +20,7 @@ use super::attached_server::{AttachedServer, Choice, single};
 use super::local_device::LocalDevice;
 use super::remote_board::cast;
 use super::{OpenResult, Opening};
+use crate::configured_arm::start_standard_tool;
 use crate::{Attached, Future, HostError};
 
 /// Parameters of stock's server that have no effect here.
@@ -37,7 +36,8 @@ const IGNORED_PARAMETERS: [&str; 7] = [
 /// Intervals between poses, ms.
 const VALID_PERIODS: std::ops::RangeInclusive<usize> = 1..=60_000;
 /// Values of `KinematicPart` for the kinematics that are built in.
-const KINEMATIC_PARTS: [&str; 2] = ["custom", "wam7"];
+const KINEMATIC_PARTS: [(&str, Option<usize>); 3] =
+    [("custom", None), ("wam4", Some(4)), ("wam7", Some(7))];
 
 pub(super) async fn remote(opening: Opening<'_>) -> OpenResult {
     let parameters = opening.parameters;
@@ -91,16 +91,19 @@ pub(super) async fn server(opening: Opening<'_>) -> OpenResult {
     for ignored in IGNORED_PARAMETERS {
         parameters.has(ignored);
     }
-    let is_unknown = |part: &String| !KINEMATIC_PARTS.contains(&part.as_str());
-    let unknown_part = part.filter(is_unknown).map(|_| {
-        let expected = format!(
-            "{}, whose kinematics are built in",
-            KINEMATIC_PARTS.join(" or ")
-        );
+    let known = |part: &str| KINEMATIC_PARTS.into_iter().find(|(name, _)| *name == part);
+    let joints = part
+        .as_deref()
+        .and_then(known)
+        .and_then(|(_, joints)| joints);
+    let unknown_part = part.filter(|part| known(part).is_none()).map(|_| {
+        let names = KINEMATIC_PARTS.map(|(name, _)| name).join(" or ");
+        let expected = format!("{names}, whose kinematics are built in");
         parameters.refuse("GENERAL::KinematicPart", expected)
     });
     let choice = Tools {
         unknown_part,
+        joints,
         origin: parameters.origin().clone(),
         device: parameters.device().to_owned(),
     };
@@ -112,6 +115,8 @@ pub(super) async fn server(opening: Opening<'_>) -> OpenResult {
 struct Tools {
     /// Error for joints whose kinematics are not built in.
     unknown_part: Option<ParameterError>,
+    /// Number of joints of the kinematics that are asked for.
+    joints: Option<usize>,
     origin: Origin,
     device: String,
 }
@@ -131,19 +136,15 @@ impl Tools {
         if let Some(error) = self.unknown_part.take() {
             return Err(error.into());
         }
-        let start = move || {
-            let options = CartesianOptions::new().part_type("wam7");
-            CartesianController::start(board, WamModel::<7>::new().chain, options)
-        };
-        let started = tokio::task::spawn_blocking(start).await;
+        let joints = self.joints;
+        let started = tokio::task::spawn_blocking(move || start_standard_tool(board, joints)).await;
         let started =
             started.unwrap_or_else(|panicked| std::panic::resume_unwind(panicked.into_panic()));
-        let tool = started.map_err(|source| HostError::Device {
+        started.map_err(|source| HostError::Device {
             origin: self.origin.clone(),
             device: self.device.clone(),
             source: Box::new(source),
-        })?;
-        Ok(Arc::new(tool))
+        })
     }
 }
 

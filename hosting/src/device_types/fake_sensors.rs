@@ -1,15 +1,45 @@
 //! Sensors with constant values, in the place of boards that are not there.
 
 use std::sync::Arc;
+use std::time::Duration;
 
-use yarp_devices::fake::ConstantSensors;
-use yarp_devices::{Device, SensorKind};
+use yarp_devices::fake::{ConstantSensors, FakeImu};
+use yarp_devices::{Device, SensorInfo, SensorKind};
 
+use super::local_device::LocalDevice;
 use super::{OpenResult, Opening};
+use crate::shared_parameters::flag;
 use crate::{Attached, Future, HostError, Hosted, Parts};
 
 /// Maximum number of channels; a large skin has some thousands.
 const MAX_CHANNELS: usize = 10_000;
+
+/// Default period of an inertial sensor, milliseconds, as stock.
+const DEFAULT_IMU_PERIOD: usize = 10;
+/// Maximum period of an inertial sensor, milliseconds.
+const MAX_IMU_PERIOD: usize = 60_000;
+
+/// Opens an inertial sensor with the parameters of stock's `fakeIMU`.
+///
+/// Source: `fakeIMU.cpp` of 3.5, `FakeIMU_params.md` of 4.0.
+pub(super) async fn imu(opening: Opening<'_>) -> OpenResult {
+    let parameters = opening.parameters;
+    let period = parameters.get_or("period", DEFAULT_IMU_PERIOD)?;
+    if !(1..=MAX_IMU_PERIOD).contains(&period) {
+        let expected = format!("1 to {MAX_IMU_PERIOD} milliseconds");
+        return Err(parameters.refuse("period", expected).into());
+    }
+    let imu = match flag(parameters, "constantValue")? {
+        true => FakeImu::constant(),
+        false => FakeImu::new(Duration::from_millis(period as u64)),
+    };
+    let imu = imu.named(SensorInfo {
+        name: parameters.get_or("sensorName", "sensorName".to_owned())?,
+        frame: parameters.get_or("frameName", "frameName".to_owned())?,
+    });
+    let imu = LocalDevice::sensors(Arc::new(imu)).also(|parts| &mut parts.other);
+    Ok(Box::new(imu))
+}
 
 /// Opens sensors with the names that stock's `multipleanalogsensorsremapper` selects, and `channels` channels.
 pub(super) async fn open(opening: Opening<'_>) -> OpenResult {

@@ -90,6 +90,12 @@ impl LocalDevice {
         Self::new(device, |parts| &mut parts.channels)
     }
 
+    /// Offers the device as another part, too.
+    pub(super) fn also(mut self, part: fn(&mut Parts) -> &mut Option<Arc<dyn Device>>) -> Self {
+        *part(&mut self.parts) = Some(self.device.clone());
+        self
+    }
+
     /// Creates a controller of a tool.
     pub(super) fn tool(device: Arc<dyn Device>) -> Self {
         Self::new(device, |parts| &mut parts.tool)
@@ -103,6 +109,10 @@ impl Hosted for LocalDevice {
 
     fn machine(&self) -> Option<Arc<dyn Device>> {
         self.parks.then(|| self.device.clone())
+    }
+
+    fn service(&self) -> Option<Arc<dyn Device>> {
+        self.device.service().map(|_| self.device.clone())
     }
 
     fn close(self: Box<Self>) -> Future<'static, ()> {

@@ -13,12 +13,15 @@ mod board_server;
 mod calibrator;
 mod camera_devices;
 mod cartesian_devices;
+mod fake_media;
 mod fake_motion_control;
 mod fake_sensors;
 mod gaze_devices;
+mod group_device;
 mod inertial;
 mod local_device;
 mod multiple_analog_sensors_devices;
+mod pipe_device;
 mod remote_board;
 mod robot_description;
 #[cfg(all(feature = "v4l2", target_os = "linux"))]
@@ -29,7 +32,10 @@ use yarp_ports::Network;
 use yarp_wire::settings::{Origin, Parameters};
 use yarp_wrappers::BatteryLayout;
 
-use crate::{Future, HostError, Hosted};
+use crate::{Attached, Future, HostError, Hosted, Parts};
+
+/// Maximum depth of devices in devices, such as groups of pipes.
+const MAX_DEPTH: usize = 8;
 
 /// Arguments for opening a device.
 #[derive(Clone, Copy)]
@@ -38,9 +44,70 @@ pub struct Opening<'a> {
     pub network: &'a Network,
     /// Its parameters; unused ones are reported.
     pub parameters: &'a Parameters,
+    /// Devices that are open already and can be named in the place of a type.
+    opened: &'a [Attached],
+    /// Number of devices that it is in.
+    depth: usize,
 }
 
-type OpenResult = Result<Box<dyn Hosted>, HostError>;
+impl<'a> Opening<'a> {
+    /// Opens a device that is in no other.
+    pub(crate) fn new(network: &'a Network, parameters: &'a Parameters) -> Self {
+        Self {
+            network,
+            parameters,
+            opened: &[],
+            depth: 0,
+        }
+    }
+
+    /// Opens a device in this one, with other parameters.
+    fn inside<'b>(&self, parameters: &'b Parameters, opened: &'b [Attached]) -> Opening<'b>
+    where
+        'a: 'b,
+    {
+        Opening {
+            network: self.network,
+            parameters,
+            opened,
+            depth: self.depth + 1,
+        }
+    }
+
+    /// Refuses devices in devices without end.
+    pub(crate) fn check_depth(&self) -> Result<(), HostError> {
+        if self.depth <= MAX_DEPTH {
+            return Ok(());
+        }
+        Err(HostError::Nested {
+            origin: self.parameters.origin().clone(),
+            device: self.parameters.device().to_owned(),
+            depth: self.depth,
+            most: MAX_DEPTH,
+        })
+    }
+
+    /// Returns an open device by its name; closing what is returned does not close it.
+    pub(crate) fn link(&self, name: &str) -> Option<Box<dyn Hosted>> {
+        let known = self.opened.iter().find(|known| known.device == name)?;
+        Some(Box::new(Link(known.parts.clone())))
+    }
+}
+
+/// Another name of a device that is open.
+struct Link(Parts);
+
+impl Hosted for Link {
+    fn parts(&self) -> Parts {
+        self.0.clone()
+    }
+
+    fn close(self: Box<Self>) -> Future<'static, ()> {
+        Box::pin(async {})
+    }
+}
+
+pub(crate) type OpenResult = Result<Box<dyn Hosted>, HostError>;
 type Open = for<'a> fn(Opening<'a>) -> Future<'a, OpenResult>;
 
 /// A device type.
@@ -85,19 +152,27 @@ pub const DEVICE_TYPES: &[DeviceType] = &[
     device_type("controlboardremapper", &["controlBoardRemapper"], "several devices as one board, or a part of one; axesNames, or joints, networks and a row of four numbers for each", Some(SERVER), |opening| Box::pin(board_remapper::open(opening))),
     device_type("dynamicWam", &[], "a simulated WAM arm with masses, friction and control; effects and others", Some(SERVER), |opening| Box::pin(arms::dynamic(opening))),
     device_type("embeddedWam", &[], "a WAM arm behind its embedded PC, which runs yarp wam-node; listen or connect, ports", Some(SERVER), |opening| Box::pin(arms::embedded(opening))),
+    device_type("fakeAudioVisualGrabber", &[], "a simulated camera with a microphone that hears a tone; the parameters of fakeFrameGrabber", Some("grabber"), |opening| Box::pin(fake_media::camera_with_microphone(opening))),
     device_type("fakeBattery", &[], "a simulated battery; capacity in Ah, current in A", Some("battery_nws_yarp"), |opening| Box::pin(battery_devices::simulated(opening))),
     device_type("fakeFrameGrabber", &[], "a simulated camera: a test pattern, an image or a video; mode, src, width, height, freq or period, mirror", Some(CAMERA_SERVER), |opening| Box::pin(camera_devices::simulated(opening))),
+    device_type("fakeIMU", &[], "an inertial sensor whose values count up; period in milliseconds, constantValue, sensorName, frameName", Some("inertial"), |opening| Box::pin(fake_sensors::imu(opening))),
+    device_type("fakeMicrophone", &[], "a microphone that hears a tone, for pipe; signal_frequency in Hz, signal_amplitude", None, |opening| Box::pin(fake_media::microphone(opening))),
     device_type("fakeMotionControl", &[], "simulated joints of any number; GENERAL::Joints, GENERAL::AxisName, GENERAL::AxisType, GENERAL::Variables that are stored, LIMITS::Min, LIMITS::Max", Some(SERVER), |opening| Box::pin(fake_motion_control::open(opening))),
     device_type("fakeSensors", &[], "sensors at rest in the place of boards that are not there; ThreeAxisGyroscopesNames and so on, channels", Some(SENSOR_SERVER), |opening| Box::pin(fake_sensors::open(opening))),
+    device_type("fakeSpeaker", &[], "a loudspeaker without output, for pipe; channels, rate", None, |opening| Box::pin(fake_media::speaker(opening))),
     device_type("remote_controlboard", &["controlBoard_nwc_yarp"], "joints served by another program; remote, local, carrier, timeout", None, |opening| Box::pin(remote_board::open(opening))),
     device_type("frameGrabber_nwc_yarp", &[], "a camera served by another program; remote, local, stream, no_stream", None, |opening| Box::pin(camera_devices::remote(opening))),
     device_type("frameGrabber_nws_yarp", &[], "serves a camera on ports; name, period in seconds, capabilities", None, |opening| Box::pin(camera_devices::server(opening))),
     device_type("gazecontrollerclient", &[], "the gaze of a head controlled by iCub's iKinGazeCtrl; remote, local, carrier, timeout", None, |opening| Box::pin(gaze_devices::remote(opening))),
-    device_type("grabber", &["grabberDual"], "the same with the old names; name, period in milliseconds", None, |opening| Box::pin(camera_devices::old_server(opening))),
+    device_type("grabber", &[], "the same with the old name, and sound if there is any; name, name2 or shared-ports, period in milliseconds or framerate", None, |opening| Box::pin(camera_devices::server_with_sound(opening))),
+    device_type("grabberDual", &[], "the same with the old name, without sound; name, period in milliseconds", None, |opening| Box::pin(camera_devices::old_server(opening))),
+    device_type("group", &[], "several devices; part, the names of groups of parameters, one for each device", None, |opening| Box::pin(group_device::open(opening))),
+    device_type("imageFolderWriter", &[], "writes images and sound to files, for pipe; folder, max_images, max_sound_bytes, max_bytes", None, |opening| Box::pin(fake_media::image_folder_writer(opening))),
     device_type("inertial", &[], "serves an inertial sensor as YARP 3.x, as twelve numbers on one port; name, period in seconds, sensor", None, |opening| Box::pin(inertial::open(opening))),
     device_type("multipleanalogsensorsclient", &[], "sensors served by another program; remote, local, carrier, timeout", None, |opening| Box::pin(multiple_analog_sensors_devices::remote(opening))),
     device_type("multipleanalogsensorsremapper", &[], "sensors of several devices as one; ThreeAxisGyroscopesNames and so on, a list of names for each kind", None, |opening| Box::pin(multiple_analog_sensors_devices::remapper(opening))),
     device_type("multipleanalogsensorsserver", &[], "serves sensors on ports; name, period in milliseconds, measure_lists 10 or 12", None, |opening| Box::pin(multiple_analog_sensors_devices::server(opening))),
+    device_type("pipe", &[], "passes images and sound of one device on to another; source, sink, each a type or a group of parameters", None, |opening| Box::pin(pipe_device::open(opening))),
     device_type("remotecontrolboardremapper", &["remoteControlBoardRemapper"], "boards served by other programs as one; axesNames, remoteControlBoards, localPortPrefix, REMOTE_CONTROLBOARD_OPTIONS", Some(SERVER), |opening| Box::pin(board_remapper::open_remote(opening))),
     device_type(ROBOT_DESCRIPTION, &[], "tells which devices a robot has, once attached to yriDescriptionStorage; local", None, |opening| Box::pin(robot_description::open(opening))),
     device_type("simulatedCanWam", &[], "a simulated WAM arm with the effects of a real one, behind the driver of its CAN bus; homeConfirmed, effects and others", Some(SERVER), |opening| Box::pin(arms::on_simulated_bus(opening))),

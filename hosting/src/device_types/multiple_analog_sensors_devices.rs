@@ -76,7 +76,7 @@ impl Hosted for Simulated {
             let other = single(&others)?;
             let unsuitable = || HostError::Unsuitable {
                 device: other.device.clone(),
-                expected: "the joints of a WAM",
+                expected: "the seven joints of a WAM",
             };
             let board = other.parts.board.clone().ok_or_else(unsuitable)?;
             self.0.set_arm(board).map_err(|_| unsuitable())

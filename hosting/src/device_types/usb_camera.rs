@@ -9,6 +9,7 @@ use yarp_wire::settings::Parameters;
 use super::local_device::{self, LocalDevice};
 use super::{OpenResult, Opening};
 use crate::HostError;
+use crate::shared_parameters::flag;
 
 /// Parameters of stock that have no effect here: images are always in colour, and two cameras in one image are one image.
 const IGNORED_PARAMETERS: [&str; 3] = ["pixelType", "dual", "verbose"];
@@ -55,7 +56,7 @@ fn options(parameters: &Parameters) -> Result<V4l2Options, HostError> {
         );
         options = options.size(width, height);
     }
-    options = options.crop(switch(parameters, "crop")?);
+    options = options.crop(flag(parameters, "crop")?);
     if let Some(rate) = parameters.get::<f64>("framerate")? {
         // -1 leaves the rate to the camera.
         options = options.rate(Some(rate).filter(|rate| *rate != -1.0));
@@ -65,7 +66,7 @@ fn options(parameters: &Parameters) -> Result<V4l2Options, HostError> {
         let refused = || parameters.refuse("format", format!("one of {}", known.join(", ")));
         options = options.encoding(Encoding::from_fourcc(&format).ok_or_else(refused)?);
     }
-    options = options.mirrored(switch(parameters, "flip")? || switch(parameters, "mirror")?);
+    options = options.mirrored(flag(parameters, "flip")? || flag(parameters, "mirror")?);
     let across = parameters.get::<f64>("horizontalFov")?;
     let down = parameters.get::<f64>("verticalFov")?;
     if let Some((across, down)) = across.zip(down) {
@@ -88,12 +89,6 @@ fn options(parameters: &Parameters) -> Result<V4l2Options, HostError> {
         options = options.white_balance(blue, red);
     }
     Ok(options)
-}
-
-/// Returns a switch, which is on if it stands alone.
-fn switch(parameters: &Parameters, name: &str) -> Result<bool, HostError> {
-    let alone = parameters.has(name);
-    Ok(parameters.get_or(name, alone)?)
 }
 
 /// Returns the description of the lens, if there is any.

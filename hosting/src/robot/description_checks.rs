@@ -13,7 +13,7 @@ use crate::device_types;
 /// Parameters that name a type of device.
 const TYPE_PARAMETERS: [&str; 3] = ["subdevice", "wrapper_device", "attached_device"];
 
-/// Something in a description that fails when the robot starts.
+/// Something in a description of a robot or an application that will fail, or is left out.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Problem {
     /// Position of the description.

@@ -1,12 +1,11 @@
 //! Reads the files of a description, which may include one another.
 
-use std::fs::File;
-use std::io::{self, Read};
 use std::path::Path;
 
 use yarp_wire::settings::Origin;
 
 use super::RobotError;
+use crate::text_file;
 
 /// Maximum depth of includes.
 const MAX_INCLUDE_DEPTH: usize = 16;
@@ -16,10 +15,20 @@ const MAX_FILES: usize = 1000;
 const MAX_BYTES: u64 = 32 << 20;
 
 /// Reads and counts files.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Files {
     count: usize,
-    bytes: u64,
+    /// Number of bytes that may still be read.
+    left: u64,
+}
+
+impl Default for Files {
+    fn default() -> Self {
+        Self {
+            count: 0,
+            left: MAX_BYTES,
+        }
+    }
 }
 
 impl Files {
@@ -41,32 +50,10 @@ impl Files {
                 limit: MAX_INCLUDE_DEPTH,
             });
         }
-        let bytes = read_bounded(file, MAX_BYTES - self.bytes);
-        let bytes = bytes.map_err(|source| RobotError::Read {
+        text_file::read(file, &mut self.left, MAX_BYTES).map_err(|source| RobotError::Read {
             file: file.display().to_string(),
             by: by.map_or(String::new(), |by| format!(" (included by {by})")),
             source,
-        })?;
-        self.bytes += bytes.len() as u64;
-        Ok(String::from_utf8(bytes).unwrap_or_else(|error| {
-            let latin = error.as_bytes().iter();
-            latin.map(|byte| char::from(*byte)).collect()
-        }))
+        })
     }
-}
-
-/// Reads a regular file of at most `limit` bytes.
-fn read_bounded(file: &Path, limit: u64) -> io::Result<Vec<u8>> {
-    // Opening a FIFO waits for a writer, and a device may have no end.
-    if !std::fs::metadata(file)?.is_file() {
-        let what = "expected a regular file";
-        return Err(io::Error::new(io::ErrorKind::InvalidInput, what));
-    }
-    let mut bytes = Vec::new();
-    File::open(file)?.take(limit + 1).read_to_end(&mut bytes)?;
-    if bytes.len() as u64 > limit {
-        let what = format!("the files of a robot are limited to {MAX_BYTES} bytes in total");
-        return Err(io::Error::new(io::ErrorKind::FileTooLarge, what));
-    }
-    Ok(bytes)
 }

@@ -12,7 +12,7 @@ use super::{
     Action, ActionKind, DeviceDescription, DeviceEntry, Param, Phase, Robot, SharedDescriptions,
     open_description_port,
 };
-use crate::{Attached, Hosted, Parts, device_types, open, park};
+use crate::{Attached, Hosted, Parts, RunningService, device_types, open, park};
 
 /// Port at which `yarpmotorgui` of YARP 4.0 looks for the parts of a robot.
 const DESCRIPTION_PORT: &str = "/yarpRobotInterface/devices/rpc";
@@ -60,6 +60,10 @@ impl Progress {
 pub struct RunningRobot {
     robot: Robot,
     devices: Vec<(DeviceEntry, Box<dyn Hosted>)>,
+    /// Services of the devices, in their order.
+    services: Vec<RunningService>,
+    /// True if a service did not start.
+    lacks_service: bool,
     progress: Progress,
     /// True if all actions of the startup succeeded.
     ready: bool,
@@ -73,7 +77,7 @@ impl RunningRobot {
     /// Errors are logged, with file and line. If there are unknown device types, each is logged once and
     /// nothing is opened. If a device does not open, the others are tried, then
     /// all are closed and the result is `None`. If an action fails, the others are run, and the
-    /// robot is not [`ready`](Self::is_ready).
+    /// robot is not [`ready`](Self::is_ready). A service that does not start is logged, and the robot runs without it.
     pub async fn start(network: &Network, robot: Robot, progress: Progress) -> Option<Self> {
         progress.enter(Phase::Startup);
         tracing::info!("startup phase starting...");
@@ -87,6 +91,8 @@ impl RunningRobot {
         }
         let mut running = Self {
             devices: Vec::new(),
+            services: Vec::new(),
+            lacks_service: false,
             progress,
             ready: false,
             description: None,
@@ -112,7 +118,7 @@ impl RunningRobot {
             running.close().await;
             return None;
         }
-        running.ready = running.actions(Phase::Startup).await;
+        running.start_up().await;
         running.describe(network).await;
         if running.ready {
             tracing::info!("startup phase finished.");
@@ -121,7 +127,7 @@ impl RunningRobot {
         Some(running)
     }
 
-    /// Returns true if the startup succeeded.
+    /// Returns true if all actions of the startup succeeded.
     pub fn is_ready(&self) -> bool {
         self.ready
     }
@@ -157,14 +163,20 @@ impl RunningRobot {
         self.actions(phase).await
     }
 
-    /// Closes the devices in reverse order.
-    pub async fn close(&mut self) {
+    /// Stops the services of the devices and closes the devices, in reverse order. Returns false if a service did not start, failed or did
+    /// not stop.
+    pub async fn close(&mut self) -> bool {
+        let mut succeeded = !std::mem::take(&mut self.lacks_service);
+        while let Some(service) = self.services.pop() {
+            succeeded &= service.stop().await;
+        }
         if let Some(port) = self.description.take() {
             port.close().await;
         }
         while let Some((_, device)) = self.devices.pop() {
             device.close().await;
         }
+        succeeded
     }
 
     /// Opens the port that tells of the devices, unless the robot has one itself, or another robot has its name.
@@ -187,6 +199,30 @@ impl RunningRobot {
         match open_description_port(network, DESCRIPTION_PORT, devices).await {
             Ok(port) => self.description = Some(port),
             Err(error) => tracing::warn!("{}", error_chain(&error)),
+        }
+    }
+
+    /// Runs the actions of the startup and, if they succeed, starts the services.
+    async fn start_up(&mut self) {
+        self.ready = self.actions(Phase::Startup).await;
+        if self.ready {
+            self.start_services().await;
+        }
+    }
+
+    /// Starts the services of the devices. The robot runs without those that do not start: its machines still park at the end.
+    async fn start_services(&mut self) {
+        for (entry, device) in &self.devices {
+            let Some(service) = device.service() else {
+                continue;
+            };
+            match RunningService::start(&entry.name, service).await {
+                Ok(running) => self.services.push(running),
+                Err(error) => {
+                    tracing::error!("{}", error_chain(&error));
+                    self.lacks_service = true;
+                }
+            }
         }
     }
 
@@ -409,4 +445,177 @@ async fn calibrate(board: Arc<dyn Device>) -> Result<(), DeviceError> {
     });
     work.await
         .unwrap_or_else(|panicked| std::panic::resume_unwind(panicked.into_panic()))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::AtomicUsize;
+
+    use yarp_devices::{
+        AxisIndex, AxisInfo, CalibrationParameters, ControlCalibration, Service, ServiceStart,
+        ServiceUpdate,
+    };
+    use yarp_testing::eventually;
+    use yarp_wire::settings::Origin;
+
+    use super::*;
+    use crate::Future;
+
+    /// An arm that counts its parkings.
+    #[derive(Default)]
+    struct Arm(AtomicUsize);
+
+    impl AxisInfo for Arm {
+        fn axes(&self) -> usize {
+            1
+        }
+        fn axis_name(&self, _: AxisIndex) -> Result<String, DeviceError> {
+            Ok("a".to_owned())
+        }
+        fn joint_type(&self, _: AxisIndex) -> Result<yarp_devices::JointType, DeviceError> {
+            Ok(yarp_devices::JointType::Revolute)
+        }
+    }
+
+    impl ControlCalibration for Arm {
+        fn calibrate_axis(&self, _: AxisIndex, _: u32, _: [f64; 3]) -> Result<(), DeviceError> {
+            Ok(())
+        }
+        fn set_calibration_parameters(
+            &self,
+            _: AxisIndex,
+            _: CalibrationParameters,
+        ) -> Result<(), DeviceError> {
+            Ok(())
+        }
+        fn calibration_done(&self, _: AxisIndex) -> Result<bool, DeviceError> {
+            Ok(true)
+        }
+        fn calibrate_robot(&self) -> Result<(), DeviceError> {
+            Ok(())
+        }
+        fn park_robot(&self, _: bool) -> Result<(), DeviceError> {
+            self.0.fetch_add(1, Ordering::SeqCst);
+            Ok(())
+        }
+        fn abort_calibration(&self) -> Result<(), DeviceError> {
+            Ok(())
+        }
+        fn abort_park(&self) -> Result<(), DeviceError> {
+            Ok(())
+        }
+    }
+
+    impl Device for Arm {
+        yarp_devices::offers! { axis_info: AxisInfo, control_calibration: ControlCalibration }
+    }
+
+    /// A service that does not start, or fails at its first update.
+    #[derive(Default)]
+    struct Failing {
+        starts: bool,
+        stops: AtomicUsize,
+    }
+
+    fn failure() -> DeviceError {
+        DeviceError::NotSupported {
+            what: "it".to_owned(),
+        }
+    }
+
+    impl Service for Failing {
+        fn start_service(&self) -> Result<ServiceStart, DeviceError> {
+            match self.starts {
+                true => Ok(ServiceStart::NeedsUpdates),
+                false => Err(failure()),
+            }
+        }
+        fn update_service(&self) -> Result<ServiceUpdate, DeviceError> {
+            Err(failure())
+        }
+        fn stop_service(&self) -> Result<(), DeviceError> {
+            self.stops.fetch_add(1, Ordering::SeqCst);
+            Ok(())
+        }
+    }
+
+    impl Device for Failing {
+        yarp_devices::offers! { service: Service }
+    }
+
+    #[derive(Default)]
+    struct HostedParts {
+        machine: Option<Arc<dyn Device>>,
+        service: Option<Arc<dyn Device>>,
+    }
+
+    impl Hosted for HostedParts {
+        fn machine(&self) -> Option<Arc<dyn Device>> {
+            self.machine.clone()
+        }
+        fn service(&self) -> Option<Arc<dyn Device>> {
+            self.service.clone()
+        }
+        fn close(self: Box<Self>) -> Future<'static, ()> {
+            Box::pin(async {})
+        }
+    }
+
+    /// Returns a robot of an arm and a device with a service.
+    fn robot(arm: &Arc<Arm>, service: &Arc<Failing>) -> RunningRobot {
+        let entry = |name: &str| DeviceEntry {
+            name: name.to_owned(),
+            kind: name.to_owned(),
+            params: Vec::new(),
+            actions: Vec::new(),
+            origin: Origin::line("r.xml", 1),
+        };
+        let hosted = |parts: HostedParts| Box::new(parts) as Box<dyn Hosted>;
+        let arm = hosted(HostedParts {
+            machine: Some(arm.clone()),
+            ..HostedParts::default()
+        });
+        let service = hosted(HostedParts {
+            service: Some(service.clone()),
+            ..HostedParts::default()
+        });
+        RunningRobot {
+            robot: Robot {
+                name: "r".to_owned(),
+                build: 1,
+                port_prefix: "r".to_owned(),
+                reversed: false,
+                params: Vec::new(),
+                shares_params: false,
+                devices: Vec::new(),
+            },
+            devices: vec![(entry("arm"), arm), (entry("recorder"), service)],
+            services: Vec::new(),
+            lacks_service: false,
+            progress: Progress::default(),
+            ready: false,
+            description: None,
+        }
+    }
+
+    #[tokio::test(flavor = "multi_thread")]
+    async fn a_robot_whose_service_does_not_start_or_fails_parks_its_arm_and_reports_it() {
+        for starts in [false, true] {
+            let arm = Arc::new(Arm::default());
+            let service = Arc::new(Failing {
+                starts,
+                ..Failing::default()
+            });
+            let mut robot = robot(&arm, &service);
+            robot.start_up().await;
+            assert!(robot.is_ready());
+            let stops = usize::from(starts);
+            eventually("the stop of the service that failed", || {
+                service.stops.load(Ordering::SeqCst) == stops
+            });
+            assert!(robot.shut_down(true).await);
+            assert_eq!(arm.0.load(Ordering::SeqCst), 1);
+            assert!(!robot.close().await);
+        }
+    }
 }

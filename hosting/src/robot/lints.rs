@@ -8,9 +8,9 @@ use yarp_wire::settings::Origin;
 
 use super::action_targets::AttachTargets;
 use super::device_parameters::is_balanced;
-use super::tolerant_xml::{XmlDocument, XmlElement};
 use super::xml_description::Element;
 use super::{Action, ActionKind, DeviceEntry, Param, ParamValue, Phase, Problem, Robot};
+use crate::tolerant_xml::{XmlDocument, XmlElement};
 
 /// Maximum number of lints of a robot; later ones are not listed.
 const MAX_LINTS: usize = 1000;

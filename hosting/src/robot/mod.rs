@@ -2,7 +2,6 @@
 //!
 //! | file | content |
 //! | --- | --- |
-//! | `tolerant_xml` | the syntax of XML as TinyXML reads it |
 //! | `xml_description` | descriptions in XML, as stock's `yarprobotinterface` reads them |
 //! | `toml_description` | descriptions in TOML |
 //! | `device_parameters` | parameters of devices as settings |
@@ -26,7 +25,6 @@ mod lifecycle;
 mod lints;
 mod robot_error;
 mod substitutions;
-mod tolerant_xml;
 mod toml_description;
 mod xml_description;
 

@@ -26,10 +26,9 @@ use yarp_wire::settings::{Origin, Settings};
 use super::description_files::Files;
 use super::{
     Action, ActionKind, DeviceEntry, Param, ParamValue, Phase, ReadOptions, Robot, RobotError,
-    include_tags,
-    lints::Lints,
-    tolerant_xml::{self, XmlDocument, XmlElement},
+    include_tags, lints::Lints,
 };
+use crate::tolerant_xml::{self, XmlDocument, XmlElement};
 
 /// Maximum number of elements of all files of a robot.
 const MAX_ELEMENTS: usize = 1_000_000;

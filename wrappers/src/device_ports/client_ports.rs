@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use tokio::task::JoinSet;
 use yarp_devices::DeviceError;
+use yarp_ports::remote_admin::{self, ConnectError};
 use yarp_ports::{Answer, Network, Port, PortError, PortOptions, Received, ReconnectingConnection};
 use yarp_wire::Bottle;
 use yarp_wire::message::{ReadObject, WireObject};
@@ -16,7 +17,7 @@ use super::{LatestValue, Link, RemoteOptions};
 use crate::OpenError;
 use crate::open_ports::{close_all, open_all, port_name};
 use crate::reconnect::{
-    Missing, PORT_CLOSE_TIMEOUT, RPC_CARRIER, WATCH_INTERVAL, connect_supervised, subscribe,
+    Missing, PORT_CLOSE_TIMEOUT, RPC_CARRIER, Turn, WATCH_INTERVAL, connect_supervised, subscribe,
     to_text,
 };
 
@@ -120,7 +121,24 @@ impl RemotePorts {
     ) -> Result<(), OpenError> {
         let (latest, age) = (latest.clone(), age.max(2 * WATCH_INTERVAL));
         let are_missing = Box::new(move || latest.is_older_than(age));
-        self.subscribe_while((suffix, port), are_missing).await
+        self.subscribe_while((suffix, port), Turn::default(), are_missing)
+            .await
+    }
+
+    /// Makes the connection from the server's port `suffix` to a port at once, or ends it; one that has been subscribed to
+    /// is otherwise made when its messages are missing.
+    pub(crate) async fn set_connected(
+        &self,
+        (suffix, port): (&str, usize),
+        connected: bool,
+    ) -> Result<(), ConnectError> {
+        let (from, to) = (self.remote_port(suffix), self.ports[port].name());
+        let carrier = self.options.carrier.as_str();
+        let done = match connected {
+            true => remote_admin::connect(&self.network, &from, to, Some(carrier)).await,
+            false => remote_admin::disconnect(&self.network, &from, to).await,
+        };
+        done.map(drop)
     }
 
     /// Has two ports of the server write to two of ours, `(suffix, port)` each. The second one is a stream of rare messages,
@@ -141,24 +159,39 @@ impl RemotePorts {
             }
             missing
         });
-        self.subscribe_while(stream, are_missing).await?;
+        self.subscribe_while(stream, Turn::default(), are_missing)
+            .await?;
         let one_less = move || {
             let ordering = Ordering::Relaxed;
             remaining.fetch_update(ordering, ordering, |left| left.checked_sub(1))
         };
-        self.subscribe_while(events, Box::new(move || one_less().is_ok()))
-            .await
+        self.subscribe_while(
+            events,
+            Turn::default(),
+            Box::new(move || one_less().is_ok()),
+        )
+        .await
     }
 
-    async fn subscribe_while(
+    /// Has the server's port `suffix` write to a port, and again whenever `are_missing` returns true, which is asked while `turn` is held.
+    pub(crate) async fn subscribe_while(
         &mut self,
         (suffix, port): (&str, usize),
+        turn: Turn,
         are_missing: Missing,
     ) -> Result<(), OpenError> {
         let from = self.remote_port(suffix);
         let ends = (from.as_str(), self.ports[port].name());
         let carrier = &self.options.carrier;
-        subscribe(&self.network, ends, carrier, &mut self.asking, are_missing).await
+        subscribe(
+            &self.network,
+            ends,
+            carrier,
+            &mut self.asking,
+            turn,
+            are_missing,
+        )
+        .await
     }
 
     /// Returns the network, with the timeout of the client.

@@ -9,10 +9,11 @@ use yarp_devices::{DeviceError, SensorStatus};
 #[derive(Debug)]
 pub(crate) struct LatestValue<T> {
     newest: Mutex<Option<(T, Instant)>>,
+    /// When the wait for a value began.
+    since: Mutex<Instant>,
     /// Name of the value in errors.
     what: &'static str,
     max_age: Duration,
-    created: Instant,
 }
 
 impl<T> LatestValue<T> {
@@ -20,9 +21,9 @@ impl<T> LatestValue<T> {
     pub(crate) fn new(what: &'static str, max_age: Duration) -> Self {
         Self {
             newest: Mutex::default(),
+            since: Mutex::new(Instant::now()),
             what,
             max_age,
-            created: Instant::now(),
         }
     }
 
@@ -31,9 +32,15 @@ impl<T> LatestValue<T> {
         *self.newest() = Some((value, Instant::now()));
     }
 
+    /// Forgets the value, as if none had ever been received.
+    pub(crate) fn clear(&self) {
+        *self.newest() = None;
+        *self.since() = Instant::now();
+    }
+
     /// Returns whether no value has been received for so long.
     pub(crate) fn is_older_than(&self, age: Duration) -> bool {
-        self.arrived().unwrap_or(self.created).elapsed() > age
+        self.arrived().unwrap_or_else(|| *self.since()).elapsed() > age
     }
 
     /// Returns the arrival time of the newest value.
@@ -79,6 +86,10 @@ impl<T> LatestValue<T> {
         }
     }
 
+    fn since(&self) -> MutexGuard<'_, Instant> {
+        self.since.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     fn newest(&self) -> MutexGuard<'_, Option<(T, Instant)>> {
         self.newest.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -96,6 +107,11 @@ mod tests {
         assert!(!value.is_older_than(Duration::from_secs(3600)));
         value.store(7);
         assert_eq!(value.read(|number| *number).unwrap(), 7);
+        value.clear();
+        assert!(matches!(
+            value.read(|_| ()),
+            Err(DeviceError::NoDataYet { .. })
+        ));
         let value = LatestValue::new("number", Duration::ZERO);
         value.store(7);
         let arrived = value.arrived().expect("it was stored");

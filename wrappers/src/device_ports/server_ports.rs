@@ -29,6 +29,8 @@ impl PortWork for PeriodicThread {
 /// A port of a server, to be opened.
 pub(crate) struct ServedPort {
     suffix: String,
+    /// Name of its own, in place of one with the prefix of the device.
+    name: Option<String>,
     is_input: bool,
     options: PortOptions,
 }
@@ -38,6 +40,7 @@ impl ServedPort {
     pub(crate) fn input(suffix: impl Into<String>, options: PortOptions) -> Self {
         Self {
             suffix: suffix.into(),
+            name: None,
             is_input: true,
             options,
         }
@@ -48,6 +51,14 @@ impl ServedPort {
         Self {
             is_input: false,
             ..Self::input(suffix, options)
+        }
+    }
+
+    /// Gives the port a name without the prefix of the device.
+    pub(crate) fn named(self, name: impl Into<String>) -> Self {
+        Self {
+            name: Some(name.into()),
+            ..self
         }
     }
 }
@@ -150,7 +161,11 @@ async fn open_ports(
     let are_inputs: Vec<bool> = ports.iter().map(|port| port.is_input).collect();
     let wanted = ports.into_iter().map(|port| {
         let options = port.options.deny_modification();
-        (port_name(name, &port.suffix), options)
+        let own = port.name;
+        (
+            own.unwrap_or_else(|| port_name(name, &port.suffix)),
+            options,
+        )
     });
     let opened = open_all(network, wanted.collect()).await?;
     let (mut inputs, mut outputs) = (Vec::new(), Vec::new());

@@ -5,6 +5,7 @@
 //!   /local             ◀── images, with stamps ──   /grabber        every period, if there is a new one
 //!   /local/rpc_client  ── questions, orders ─────▶  /grabber/rpc    of 3.x and of 4.0, answered one by one
 //!                                                   /grabber        takes questions, too, as in stock
+//!                                                   /grabber2       sound, on request, as stock's `grabber` of 3.5
 //! ```
 //!
 //! | folder | content |
@@ -18,4 +19,4 @@ pub mod messages;
 mod server;
 
 pub use client::{RemoteFrameGrabber, RemoteFrameGrabberOptions};
-pub use server::{Capability, FrameGrabberOptions, FrameGrabberServer};
+pub use server::{Capability, FrameGrabberOptions, FrameGrabberServer, SoundPort};

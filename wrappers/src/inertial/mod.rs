@@ -4,7 +4,7 @@
 //! NAME   the channels as a bottle of floats, every period; the envelope has the time of the measurement
 //! ```
 //!
-//! With an inertial measurement unit the twelve floats are those of `ImuChannels` of `yarp-devices`.
+//! The device is a [`GenericSensor`](yarp_devices::GenericSensor), as in stock, or an [`AnalogSensor`](yarp_devices::AnalogSensor). With an inertial measurement unit the twelve floats are those of `ImuChannels` of `yarp-devices`.
 //! What the port receives is passed over. Source: `ServerInertial.cpp` of YARP 3.5.
 
 use std::sync::Arc;
@@ -73,7 +73,7 @@ impl InertialServer {
     ) -> Result<Self, OpenError> {
         let period = options.period;
         check_period(period)?;
-        if device.analog_sensor().is_none() {
+        if device.generic_sensor().is_none() && device.analog_sensor().is_none() {
             return Err(OpenError::NoInterface("channels of a sensor"));
         }
         let wanted = vec![ServedPort::output("", PortOptions::new())];
@@ -107,10 +107,11 @@ fn publish(
     let mut stamp = Stamp::new(-1, 0.0);
     let mut failing = false;
     PeriodicThread::start("inertial", period, move || {
-        let Some(sensor) = device.analog_sensor() else {
-            return;
-        };
-        sensor.read_channels(&mut reading);
+        match (device.generic_sensor(), device.analog_sensor()) {
+            (Some(sensor), _) => sensor.read_generic(&mut reading),
+            (None, Some(sensor)) => sensor.read_channels(&mut reading),
+            (None, None) => reading.fail(SensorStatus::Error),
+        }
         if reading.status != SensorStatus::Ok {
             if !std::mem::replace(&mut failing, true) {
                 let status = reading.status;

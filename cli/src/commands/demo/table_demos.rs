@@ -9,9 +9,10 @@ use tokio::sync::mpsc::{UnboundedSender, unbounded_channel};
 use yarp_demos::DemoError;
 use yarp_demos::table::{TableDemoOptions, TablePlace, reorder, tidy, tidy::Stop};
 
+use crate::commands::table_arm::TableArmArgs;
 use crate::commands::up::NameServerAccess;
 use crate::commands::view::ViewArgs;
-use crate::error::Result;
+use crate::error::{Failure, Result};
 use crate::listen_addresses::BindArgs;
 use crate::signals::Interrupt;
 use crate::{network_access, stock_log};
@@ -22,6 +23,9 @@ const DETECTORS: [&str; 1] = ["truth"];
 #[cfg(feature = "vision")]
 const DETECTORS: [&str; 2] = ["truth", "vision"];
 const DEFAULT_DETECTOR: &str = DETECTORS[DETECTORS.len() - 1];
+
+/// Default of `--speed`.
+const DEFAULT_SPEED: f64 = 2.0;
 
 /// Accepts the name of a detector, or of the port of one.
 fn detector(name: &str) -> std::result::Result<String, String> {
@@ -47,9 +51,11 @@ pub(super) struct TableArgs {
     /// Print one line of JSON; exit code 1 below the targets either way
     #[arg(long)]
     json: bool,
-    /// Speed of the table relative to a real robot, 0.1 to 20
-    #[arg(long, value_name = "FACTOR", default_value_t = 2.0)]
-    speed: f64,
+    /// Speed of the table relative to a real robot, 0.1 to 20; 2 by default, 1 with an arm on its bus
+    #[arg(long, value_name = "FACTOR")]
+    speed: Option<f64>,
+    #[command(flatten)]
+    arm: TableArmArgs,
     /// Source of the objects: `vision` looks through the cameras (feature `vision`); `truth` asks the simulation, with noise;
     /// a name such as `/vision/rpc:i` is the port of a program that looks, such as `yarp vision serve`
     #[arg(long, value_name = "NAME", default_value = DEFAULT_DETECTOR, value_parser = detector)]
@@ -89,7 +95,11 @@ impl TableArgs {
         let mut options = TableDemoOptions::default();
         options.objects = self.objects;
         options.seed = self.seed;
-        options.speed = self.speed;
+        if self.remote.is_some() && self.arm.are_given() {
+            let why = "--simulation is an option of the program that serves the table, not of one with --remote";
+            return Err(Failure::Table(why.into()));
+        }
+        (options.arm, options.speed) = self.arm.arm(self.speed, DEFAULT_SPEED)?;
         options.noise = self.noise / 1e3;
         #[cfg(feature = "vision")]
         if self.detector == "vision" {
@@ -150,8 +160,9 @@ async fn run(
         stock_log::keep_apart();
     }
     let (options, access) = args.options().await?;
-    // The address of a view is the first line.
-    let mut held = options.view.is_some().then(stock_log::hold_back);
+    // The address of a view is the first line; a table elsewhere has its own.
+    let is_here = !matches!(options.place, TablePlace::Remote(..));
+    let mut held = (is_here && options.view.is_some()).then(stock_log::hold_back);
     let (lines, mut written) = unbounded_channel();
     let mut running = tokio::task::spawn_blocking(move || {
         // Whole lines, so that none of the log comes in between.

@@ -15,9 +15,6 @@ use crate::listen_addresses::BindArgs;
 use crate::network_access;
 use crate::signals::Interrupt;
 
-/// Names of colour camera and depth sensor, after the prefix.
-const CAMERAS: [&str; 2] = ["camera", "depth"];
-
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     /// Name of the port that answers `list` with the objects on the table
@@ -48,11 +45,9 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         depth_calibration: args.depth_calibration,
         database: args.database,
     };
-    let cameras = CAMERAS.map(|part| format!("{}/{part}", args.prefix));
-    let seen = cameras.join(" and ");
-    let name = args.name.clone();
+    let (name, prefix) = (args.name.clone(), args.prefix.clone());
     let opening = spawn_blocking(move || {
-        let vision = RemoteVision::connect(&network, cameras, &files)?;
+        let vision = RemoteVision::connect(&network, &prefix, &files)?;
         serve_vision(&network, &name, vision).map_err(TableDemoError::from)
     });
     let server = tokio::select! {
@@ -62,8 +57,8 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     };
     let told = writeln!(
         out,
-        "Objects that {seen} see: echo list | yarp rpc {}",
-        args.name
+        "Objects that {0}/camera and {0}/depth see: echo list | yarp rpc {1}",
+        args.prefix, args.name
     )
     .and_then(|()| out.flush());
     if told.is_ok() {

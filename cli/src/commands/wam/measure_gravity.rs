@@ -14,9 +14,7 @@ use tokio::sync::mpsc::unbounded_channel;
 use yarp_devices::clock::TimeSource;
 use yarp_devices::dynamics::HeldPose;
 use yarp_devices::kinematics::Joints;
-use yarp_devices::wam::{
-    AXES, GravityResult, MeasuredArm, WamModel, calibrate_gravity, gravity_poses,
-};
+use yarp_devices::wam::{GravityResult, MeasuredArm, WamModel, calibrate_gravity, gravity_poses};
 use yarp_devices::{
     Axes, AxisInfo, ControlMode, DeviceError, Encoders, Mode, MotionControl, PositionControl,
     TorqueControl,
@@ -99,11 +97,10 @@ impl RemoteArm {
         Ok(false)
     }
 
-    fn read(&self) -> Outcome<HeldPose<AXES>, DeviceError> {
+    fn read<const N: usize>(&self) -> Outcome<HeldPose<N>, DeviceError> {
         let readings = self.board.encoder_readings(Axes::All)?;
         let torques = self.board.torques(Axes::All)?;
-        let numbers =
-            |values: &mut dyn Iterator<Item = f64>| Joints::from_iterator(values.take(AXES));
+        let numbers = |values: &mut dyn Iterator<Item = f64>| Joints::from_iterator(values.take(N));
         Ok(HeldPose {
             joints: numbers(&mut readings.iter().map(|reading| reading.position.to_radians())),
             torques: numbers(&mut torques.into_iter()),
@@ -111,13 +108,13 @@ impl RemoteArm {
     }
 }
 
-impl MeasuredArm for RemoteArm {
+impl<const N: usize> MeasuredArm<N> for RemoteArm {
     type Error = Ended;
 
-    fn move_to(&mut self, joints: &Joints<AXES>, speed: f64) -> Outcome<(), Ended> {
+    fn move_to(&mut self, joints: &Joints<N>, speed: f64) -> Outcome<(), Ended> {
         let degrees = joints.map(f64::to_degrees);
         self.board
-            .set_reference_speeds(Axes::All, &[speed.to_degrees(); AXES])?;
+            .set_reference_speeds(Axes::All, &[speed.to_degrees(); N])?;
         self.board.position_move(Axes::All, degrees.as_slice())?;
         let arrived = self.watch(MOTION_TIMEOUT, || self.board.motion_done(Axes::All))?;
         match arrived {
@@ -132,7 +129,7 @@ impl MeasuredArm for RemoteArm {
         }
     }
 
-    fn measure(&mut self) -> Outcome<HeldPose<AXES>, Ended> {
+    fn measure(&mut self) -> Outcome<HeldPose<N>, Ended> {
         self.watch(SETTLE_TIME, || Ok(false))?;
         let mut sum = HeldPose {
             joints: Joints::zeros(),
@@ -158,10 +155,10 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     network_access::follow_clock(&network_access::network()?, &mut interrupt).await?;
     let board = connect(args.board.name.clone()).await?;
     let axes = board.axes();
-    if axes != AXES {
+    if ![4, 7].contains(&axes) {
         writeln!(
             out,
-            "This arm has {axes} joints; the calibration is one of seven."
+            "This arm has {axes} joints; the calibration is one of four or seven."
         )?;
         return Ok(ExitCode::FAILURE);
     }
@@ -175,7 +172,23 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
             return Ok(ExitCode::FAILURE);
         }
     }
-    match measure(&board, args.board.name, &mut interrupt, out).await? {
+    match axes {
+        4 => calibrate::<4>(&board, args, &mut interrupt, out).await,
+        _ => calibrate::<7>(&board, args, &mut interrupt, out).await,
+    }
+}
+
+/// Measures an arm with `N` joints, and writes the result.
+async fn calibrate<const N: usize>(
+    board: &Arc<RemoteControlBoard>,
+    args: Args,
+    interrupt: &mut Interrupt,
+    out: &mut dyn Write,
+) -> Result<ExitCode>
+where
+    WamModel<N>: Default,
+{
+    match measure::<N>(board, args.board.name, interrupt, out).await? {
         Some(result) => finish(&result, &args.out, out),
         None => {
             writeln!(
@@ -188,12 +201,15 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
 }
 
 /// Measures the arm; `None` if somebody stopped it.
-async fn measure(
+async fn measure<const N: usize>(
     board: &Arc<RemoteControlBoard>,
     name: String,
     interrupt: &mut Interrupt,
     out: &mut dyn Write,
-) -> Result<Option<GravityResult>> {
+) -> Result<Option<GravityResult<N>>>
+where
+    WamModel<N>: Default,
+{
     let is_interrupted = Arc::<AtomicBool>::default();
     let (told, mut progress) = unbounded_channel();
     let mut arm = RemoteArm {
@@ -203,8 +219,8 @@ async fn measure(
         is_interrupted: is_interrupted.clone(),
     };
     let mut running = tokio::task::spawn_blocking(move || {
-        let model = WamModel::<AXES>::new();
-        let modes = [Mode::Position; AXES];
+        let model = WamModel::<N>::default();
+        let modes = [Mode::Position; N];
         arm.board.set_control_modes(Axes::All, &modes)?;
         let before = arm.board.reference_speeds(Axes::All)?;
         // Nobody listens any more once the command ends.
@@ -243,7 +259,11 @@ async fn measure(
 }
 
 /// Prints the result, and writes the moments if they explain the torques of other poses.
-fn finish(result: &GravityResult, path: &Path, out: &mut dyn Write) -> Result<ExitCode> {
+fn finish<const N: usize>(
+    result: &GravityResult<N>,
+    path: &Path,
+    out: &mut dyn Write,
+) -> Result<ExitCode> {
     writeln!(
         out,
         "\nunexplained torques in poses that were not used, Nm:"
@@ -282,7 +302,7 @@ fn finish(result: &GravityResult, path: &Path, out: &mut dyn Write) -> Result<Ex
 }
 
 /// Returns the text of the file.
-fn arm_file(result: &GravityResult) -> String {
+fn arm_file<const N: usize>(result: &GravityResult<N>) -> String {
     let mut text = String::from(
         "// Moments of the gravity compensation, kg m, measured by `yarp wam calibrate-gravity`.\ngravityMoments (",
     );

@@ -8,6 +8,7 @@
 //! | --- | --- | --- |
 //! | cuboid | 0 | F3 opposite F1 and F2, across the shorter side |
 //! | prism | 0 to 650 counts, by its side | one finger in the middle of each side |
+//! | prism beside another object | 0 | F1 and F2 on one side, F3 on the edge opposite |
 //! | cylinder | 300 to 850 counts, by its radius | three fingers touch at equal angles |
 //!
 //! F1 and F2 turn about axes 25 mm beside the middle of the hand. With a spread, the middle of the object is therefore not in
@@ -36,6 +37,8 @@ const EQUAL_ANGLE: f64 = std::f64::consts::FRAC_PI_3;
 const SQUEEZE: i32 = 350;
 /// Distance of the axes about which F1 and F2 spread from the middle of the hand, m.
 const PALM_HALF: f64 = 0.025;
+/// Smallest distance of the middles of F1 and F2 from the ends of a side that both press on, m.
+const SIDE_END: f64 = 0.004;
 /// Number of directions that are tried around a cylinder.
 const DIRECTIONS: u32 = 12;
 /// Height of the palm's face above the frame of the hand, with the roundness of the palm, m.
@@ -127,9 +130,15 @@ pub fn grasps(item: &Item, options: &GraspOptions) -> Vec<Grasp> {
         ItemShape::Prism { side, .. } => {
             // Each side is this far from the middle; the first one is at negative x.
             let apothem = side / (2.0 * 3.0_f64.sqrt());
-            for side in 0..3 {
-                let direction = yaw + PI + TAU * f64::from(side) / 3.0;
+            let directions = (0..3).map(|side| yaw + PI + TAU * f64::from(side) / 3.0);
+            for direction in directions.clone() {
                 wanted.push((direction, Meeting::of_circle(apothem)));
+            }
+            // One finger in the middle of each side has no room beside another object.
+            if side / 2.0 >= PALM_HALF + SIDE_END {
+                for direction in directions {
+                    wanted.push((direction + PI, Meeting::side_and_edge(apothem)));
+                }
             }
         }
         ItemShape::Cylinder { radius, .. } => {
@@ -162,6 +171,15 @@ impl Meeting {
         Self {
             inner: half,
             shift: 0.0,
+            spread: 0,
+        }
+    }
+
+    /// F1 and F2 on one side of a prism, F3 on the edge opposite, which is twice as far from the middle as the side.
+    fn side_and_edge(apothem: f64) -> Self {
+        Self {
+            inner: 1.5 * apothem,
+            shift: -0.5 * apothem,
             spread: 0,
         }
     }
@@ -342,6 +360,43 @@ mod tests {
         }
     }
 
+    /// F1 and F2 are 25 mm beside the middle of the hand.
+    #[test]
+    fn a_prism_is_held_by_a_side_and_the_edge_opposite() {
+        let of_side = |side: f64| {
+            let shape = ItemShape::Prism { side, height: 0.06 };
+            (
+                item(shape, 0.3),
+                grasps(&item(shape, 0.3), &GraspOptions::default()),
+            )
+        };
+        assert_eq!(of_side(0.056).1.len(), 3, "F1 and F2 beside the side");
+        let (prism, all) = of_side(0.09);
+        for grasp in &all[3..] {
+            assert_eq!(grasp.spread, 0);
+            let inner = reach(f64::from(grasp.contact)).inner;
+            let touched = |aside: f64, along: f64| {
+                let place = grasp.hand * nalgebra::Point3::new(aside, along, 0.0);
+                prism.pose.inverse() * place
+            };
+            // From the middle of a triangle it is as far to its sides as half of the way to its corners.
+            let apothem = 0.09 / (2.0 * 3.0_f64.sqrt());
+            let edge = touched(0.0, inner);
+            assert!(
+                (edge.x.hypot(edge.y) - 2.0 * apothem).abs() < 1e-3,
+                "{edge}"
+            );
+            for aside in [-PALM_HALF, PALM_HALF] {
+                let on_side = touched(aside, -inner);
+                let normal = -edge.coords.xy().normalize();
+                assert!(
+                    (on_side.coords.xy().dot(&normal) - apothem).abs() < 1e-3,
+                    "{on_side}"
+                );
+            }
+        }
+    }
+
     #[test]
     fn every_shape_of_the_table_has_grasps_and_a_wide_one_has_none() {
         let count = |shape| grasps(&item(shape, 0.2), &GraspOptions::default()).len();
@@ -356,7 +411,7 @@ mod tests {
                 side: 0.06,
                 height: 0.04
             }),
-            3
+            6
         );
         for (radius, height) in [(0.03, 0.08), (0.0425, 0.15), (0.1, 0.015), (0.09, 0.025)] {
             assert_eq!(

@@ -4,7 +4,7 @@
 //! | --- | --- | --- |
 //! | plan | no grasp fits, out of reach, no path | nothing has moved; the next grasp, then the next object |
 //! | pre-grasp, approach | the arm does not follow | it holds where it is; the next attempt begins there |
-//! | lift | the arm does not follow | put the object back |
+//! | lift | the arm does not follow | put the object back, slower each time, twice; then it holds |
 //! | transport | the arm does not follow | a new, slower motion from where it is, twice; then it holds and the object stays held |
 //! | grasp, verify | the fingers closed on nothing | open, back up; the object is detected again and tried once more |
 //! | transport | no free path to the container or place | put the object back where it was |
@@ -170,7 +170,7 @@ pub struct PickerOptions {
     pub grasp: GraspOptions,
     /// Interval of set points, s of the robot; 20 ms by default.
     pub interval: f64,
-    /// Maximum speed of elbow and wrist, m/s; 0.7 by default, below the fault of the safety module at 1.0.
+    /// Maximum speed of elbow and wrist, m/s; 0.6 by default. The safety module faults at 1.0, and an arm that catches up is faster than planned.
     pub max_speed: f64,
     /// Maximum joint speed, rad/s; 1 by default.
     pub joint_speed: f64,
@@ -187,7 +187,7 @@ impl Default for PickerOptions {
         Self {
             grasp: GraspOptions::default(),
             interval: 0.02,
-            max_speed: 0.7,
+            max_speed: 0.6,
             joint_speed: 1.0,
             joint_acceleration: 2.0,
             max_tracking_error: 0.25,
@@ -223,7 +223,8 @@ const GRIP_TIME: f64 = 0.25;
 /// takes commands a little below its limit again, and one grasp would bring it there.
 const COOLING_TIME: f64 = 90.0;
 const MAX_RESTS: usize = 4;
-/// Number of motions to the place of an object, each slower than the one before, that may be blocked before the arm holds.
+/// Number of motions to the place of an object, or back to where it stood, each slower than the one before, that may be blocked before
+/// the arm holds.
 const MAX_TRANSPORTS: usize = 3;
 
 /// Returns whether the grip on an object must be firm: a carton that is full slips through fingers that only reach their position. What is
@@ -254,6 +255,15 @@ fn is_held(reply: &str) -> Option<bool> {
         [one, two, three, ..] => Some(three && (one || two)),
         _ => None,
     }
+}
+
+/// Moments of a release above a container.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+pub enum ReleaseMoment {
+    /// The arm has come to its place.
+    Arrived,
+    /// The hand opens, and is waited for after this moment.
+    Opening,
 }
 
 /// Picks and places objects with one arm and hand.
@@ -378,18 +388,18 @@ impl<W: Workcell> Picker<W> {
         container: usize,
         first: usize,
     ) -> Result<(), PickError> {
-        self.pick_and_place_with(item, others, container, first, || ())
+        self.pick_and_place_with(item, others, container, first, |_| ())
     }
 
-    /// Picks and places as [`pick_and_place`](Self::pick_and_place), and calls `meanwhile` once, while the hand opens above the container:
-    /// then the arm is out of the view of cameras above the table. It is not called if there is an error before.
+    /// Picks and places as [`pick_and_place`](Self::pick_and_place), and calls `meanwhile` at each moment of the release, in which the arm
+    /// is out of the view of cameras above the table. It is not called after an error.
     pub fn pick_and_place_with(
         &mut self,
         item: &Item,
         others: &[Item],
         container: usize,
         first: usize,
-        meanwhile: impl FnOnce(),
+        meanwhile: impl FnMut(ReleaseMoment),
     ) -> Result<(), PickError> {
         let outcome = self.try_pick_and_place(item, others, container, first, meanwhile);
         self.hold_after(&outcome);
@@ -415,15 +425,9 @@ impl<W: Workcell> Picker<W> {
         others: &[Item],
         container: usize,
         first: usize,
-        meanwhile: impl FnOnce(),
+        mut meanwhile: impl FnMut(ReleaseMoment),
     ) -> Result<(), PickError> {
-        let plan = self.pick(item, others, first)?;
-        let step = Step::Lift;
-        let points = self.cell.look_into_containers();
-        let points = points.map_err(|source| PickError::Workcell { step, source })?;
-        for filling in &mut self.fillings {
-            filling.measure(&points);
-        }
+        let plan = self.pick(item, others, first, true)?;
         let planned = self.plan_transport(item, others, &plan.grasp, container);
         let (transport, mut spot) = match planned {
             Ok(transport) => transport,
@@ -449,12 +453,13 @@ impl<W: Workcell> Picker<W> {
             self.check_held(item, &plan.grasp, Step::Transport)?;
         }
         carried?;
+        meanwhile(ReleaseMoment::Arrived);
         self.settle(Step::Transport)?;
         self.check_held(item, &plan.grasp, Step::Transport)?;
         self.fillings[container].add(&spot, item.shape.height());
         let step = Step::Release;
         self.start_hand(step, vec![opening(&plan.grasp)])?;
-        meanwhile();
+        meanwhile(ReleaseMoment::Opening);
         self.finish_hand(step)?;
         self.pause(GRIP_TIME, step)
     }
@@ -482,7 +487,7 @@ impl<W: Workcell> Picker<W> {
         place: [f64; 2],
         first: usize,
     ) -> Result<(), PickError> {
-        let plan = self.pick(item, others, first)?;
+        let plan = self.pick(item, others, first, false)?;
         let planned = self.plan_set_down(item, others, &plan.grasp, place);
         let set_down = match planned {
             Ok(set_down) => set_down,
@@ -526,8 +531,33 @@ impl<W: Workcell> Picker<W> {
         self.follow(&line.up, Step::Release)
     }
 
-    /// Grasps an object and lifts it.
-    fn pick(&mut self, item: &Item, others: &[Item], first: usize) -> Result<PickPlan, PickError> {
+    /// Closes the fingers, and looks into the containers meanwhile if the object will be released into one: here the arm is not in
+    /// their way.
+    fn close(&mut self, contact: i32, into_container: bool) -> Result<(), PickError> {
+        let step = Step::Grasp;
+        let grip = match contact < STEEP_CONTACT {
+            true => STEEP_GRIP,
+            false => GRIP,
+        };
+        self.start_hand(step, vec![format!("GM {}", contact + grip)])?;
+        if into_container {
+            let points = self.call(step, Workcell::look_into_containers)?;
+            for filling in &mut self.fillings {
+                filling.measure(&points);
+            }
+        }
+        self.finish_hand(step)?;
+        self.pause(GRIP_TIME, step)
+    }
+
+    /// Grasps an object and lifts it. `into_container`: it will be released into one.
+    fn pick(
+        &mut self,
+        item: &Item,
+        others: &[Item],
+        first: usize,
+        into_container: bool,
+    ) -> Result<PickPlan, PickError> {
         self.begin(Step::Plan);
         let items: Vec<Item> = others.iter().chain([item]).cloned().collect();
         self.unfold(&items)?;
@@ -538,14 +568,9 @@ impl<W: Workcell> Picker<W> {
         self.settle(Step::PreGrasp)?;
         self.carry(&plan.line.down, Step::Approach)?;
         self.settle(Step::Approach)?;
-        let grip = match plan.grasp.contact < STEEP_CONTACT {
-            true => STEEP_GRIP,
-            false => GRIP,
-        };
         self.begin(Step::Grasp);
         self.unstrained = self.strains(Step::Grasp)?;
-        self.hand(Step::Grasp, &format!("GM {}", plan.grasp.contact + grip))?;
-        self.pause(GRIP_TIME, Step::Grasp)?;
+        self.close(plan.grasp.contact, into_container)?;
         if self.is_empty(Step::Grasp)? {
             self.let_go(&plan.grasp, Step::Grasp)?;
             self.follow(&plan.line.up, Step::Lift)?;
@@ -558,10 +583,7 @@ impl<W: Workcell> Picker<W> {
         }
         let lifted = self.follow(&plan.line.up.slowed(LOADED), Step::Lift);
         if let Err(blocked @ PickError::Blocked { .. }) = lifted {
-            self.hold_here(Step::Lift)?;
-            if let Some(back) = self.timed(vec![self.at, plan.line.down.end()]) {
-                self.follow(&back.slowed(LOADED), Step::Transport)?;
-            }
+            self.lower(plan.line.down.end())?;
             self.let_go(&plan.grasp, Step::Release)?;
             self.follow(&plan.line.up, Step::Release)?;
             return Err(blocked);
@@ -574,6 +596,22 @@ impl<W: Workcell> Picker<W> {
             self.hand(Step::Lift, KEEP_CLOSED)?;
         }
         Ok(plan)
+    }
+
+    /// Brings an object that is blocked in its lift down again; an arm that is blocked on this way, too, tries it slower.
+    fn lower(&mut self, end: Joints<7>) -> Result<(), PickError> {
+        let mut outcome = Ok(());
+        for tries in 1..=MAX_TRANSPORTS {
+            self.hold_here(Step::Lift)?;
+            let Some(back) = self.timed(vec![self.at, end]) else {
+                return Ok(());
+            };
+            outcome = self.follow(&back.slowed(LOADED * tries as f64), Step::Transport);
+            if !matches!(outcome, Err(PickError::Blocked { .. })) {
+                break;
+            }
+        }
+        outcome
     }
 
     /// Returns the readings of the strain gauges of F1, F2 and F3; zeros if the hand has none.

@@ -30,6 +30,17 @@ const PATH_POSTURES: usize = 40;
 /// Interval at which the speed of elbow and wrist is examined, s.
 const SPEED_INTERVAL: f64 = 0.02;
 
+/// Returns how far each joint is from where it should be, rad: from the planned place, or the corrected one if it is nearer to that. A
+/// correction against friction that the joint does not meet on its way brings it there.
+fn distance_from_way(
+    planned: &Joints<7>,
+    correction: &Joints<7>,
+    measured: &Joints<7>,
+) -> Joints<7> {
+    let from_planned = (planned - measured).abs();
+    from_planned.inf(&(planned + correction - measured).abs())
+}
+
 /// A motion, and how much slower than its trajectory it is.
 #[derive(Clone, Debug)]
 pub(super) struct Motion {
@@ -183,7 +194,7 @@ impl<W: Workcell> Picker<W> {
     /// Returns the joint that is farthest from its set point, and how far, rad.
     fn tracking_error(&mut self, step: Step) -> Result<(usize, f64), PickError> {
         let measured = self.call(step, Workcell::joints)?;
-        let away = (self.at - measured).abs();
+        let away = distance_from_way(&self.at, &self.correction, &measured);
         let joint = away.imax();
         Ok((joint, away[joint]))
     }
@@ -194,5 +205,24 @@ impl<W: Workcell> Picker<W> {
         call: impl FnOnce(&mut W) -> Result<R, crate::WorkcellError>,
     ) -> Result<R, PickError> {
         call(&mut self.cell).map_err(|source| PickError::Workcell { step, source })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A wrist that was corrected by as much as a motion waits for counted as blocked once it moved freely.
+    #[test]
+    fn a_joint_at_its_corrected_place_is_not_behind() {
+        let only = |angle: f64| Joints::<7>::from([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, angle]);
+        let (planned, correction) = (only(1.0), only(MAX_CORRECTION));
+        let away = |measured: f64| distance_from_way(&planned, &correction, &only(measured)).amax();
+        assert!(away(1.0) < 1e-12);
+        assert!(away(1.0 + MAX_CORRECTION) < 1e-12);
+        // Halfway, behind and beyond.
+        assert!((away(1.0 + MAX_CORRECTION / 2.0) - MAX_CORRECTION / 2.0).abs() < 1e-12);
+        assert!((away(0.9) - 0.1).abs() < 1e-12);
+        assert!((away(1.1 + MAX_CORRECTION) - 0.1).abs() < 1e-12);
     }
 }

@@ -28,6 +28,8 @@ pub struct Table {
     pub fails_after: Option<usize>,
     renderer: Renderer,
     looks: u64,
+    /// Number of looks into the containers while the hand was carrying out a command.
+    pub looks_of_a_busy_hand: u64,
     /// Commands that the hand is to carry out, after the one that it is busy with.
     hand_lines: VecDeque<String>,
 }
@@ -102,6 +104,7 @@ pub fn shared(scene: Scene, options: yarp_table::SimulationOptions) -> Shared {
         fails_after: None,
         renderer: Renderer::new(),
         looks: 0,
+        looks_of_a_busy_hand: 0,
         hand_lines: VecDeque::new(),
     }))
 }
@@ -237,6 +240,7 @@ impl Workcell for SimulatedCell {
     fn look_into_containers(&mut self) -> Result<Vec<Point3<f64>>, WorkcellError> {
         let mut table = self.0.borrow_mut();
         table.looks += 1;
+        table.looks_of_a_busy_hand += u64::from(table.is_hand_busy());
         let scene = table.simulation.scene();
         let mut points = Vec::new();
         for camera in scene.basket_cameras() {

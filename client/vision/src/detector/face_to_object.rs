@@ -163,11 +163,18 @@ impl Examiner<'_> {
         else {
             return Ok(None);
         };
-        let (outline, support) = self.moved_onto_edges(&around, outline, rim);
-        if support < self.parameters.min_support || !self.is_within_image(&outline, top) {
+        let (moved, support) = self.moved_onto_edges(&around, outline, rim);
+        // Edges beside one at the border may move it out of the image: it stays where the depth image has it.
+        let stays = self.parameters.beyond_image && self.is_within_image(outline, top);
+        let outline = match self.is_within_image(&moved, top) {
+            true => &moved,
+            false if stays => outline,
+            false => return Ok(None),
+        };
+        if support < self.parameters.min_support {
             return Ok(None);
         }
-        self.named(image, &outline, height, fill * support)
+        self.named(image, outline, height, fill * support)
     }
 
     /// Returns an outline moved onto edges of the colour image, and the share of it that lies on edges.
@@ -196,7 +203,8 @@ impl Examiner<'_> {
 
     /// Returns whether an outline lies within the image: of one that does not, nobody knows where it ends.
     pub(super) fn is_within_image(&self, outline: &Outline, height: f64) -> bool {
-        self.contains(&refine::pixels(&self.setup.camera, outline, height))
+        let pixels = refine::pixels(&self.setup.camera, outline, height);
+        self.contains(&pixels)
     }
 
     /// Returns whether the image has all these pixels.

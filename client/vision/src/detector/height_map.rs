@@ -89,6 +89,25 @@ impl DepthRays {
             points: pixels.map(point).collect(),
         })
     }
+
+    /// Returns the pixels at which the sensor would see a part of an empty table, between two corners of it, m.
+    pub(super) fn pixels_of_table(
+        &self,
+        surface: f64,
+        low: [f64; 2],
+        high: [f64; 2],
+    ) -> impl Iterator<Item = usize> + '_ {
+        let mut origin: Vector3<f32> = self.camera.pose.translation.vector.cast();
+        origin.z -= surface as f32;
+        let is_inside = move |direction: &Vector3<f32>| {
+            let there = origin - direction * (origin.z / direction.z);
+            let between =
+                |value: f32, axis: usize| (low[axis]..=high[axis]).contains(&f64::from(value));
+            direction.z < 0.0 && between(there.x, 0) && between(there.y, 1)
+        };
+        let pixels = self.directions.iter().enumerate();
+        pixels.filter_map(move |(index, direction)| is_inside(direction).then_some(index))
+    }
 }
 
 /// The points of a depth image: x, y and height above the table, m; not a number where nothing was measured.
@@ -107,6 +126,12 @@ impl Cloud {
     pub(super) fn height(&self, index: usize) -> Option<f32> {
         let height = self.points.get(index)?.z;
         height.is_finite().then_some(height)
+    }
+
+    /// Returns the share of the pixels that show something no higher than this above the table, m.
+    pub(super) fn share_below(&self, height: f64) -> f64 {
+        let low = |point: &&Point3<f32>| f64::from(point.z) <= height;
+        self.points.iter().filter(low).count() as f64 / self.points.len().max(1) as f64
     }
 
     /// Returns whether something nearer hides what is beside a pixel.

@@ -35,7 +35,7 @@ use crate::{
 };
 use database::HEIGHT_TOLERANCE;
 use face_to_object::Examiner;
-use height_map::{DepthRays, FaceLimits, HeightMap};
+use height_map::{Cloud, DepthRays, Face, FaceLimits, HeightMap};
 use print_recognition::Print;
 use visibility::DepthView;
 
@@ -74,7 +74,7 @@ pub struct DetectorParameters {
     pub ratio: f64,
     /// Fewest features of a print that agree on one homography.
     pub min_inliers: usize,
-    /// True if objects that leave the colour image are found by the depth image alone: less exact, and cartons by their
+    /// True if objects that leave the colour image, or that edges would move out of it, are found by the depth image alone: less exact, and cartons by their
     /// size; false by default.
     pub beyond_image: bool,
 }
@@ -137,6 +137,20 @@ pub struct Detector {
     prints: Vec<Vec<Mutex<Print>>>,
     rays: Option<DepthRays>,
     recogniser: Recogniser,
+}
+
+/// Smallest share of a depth image that shows nothing above the highest object: less is a cover in front of the sensor.
+const MIN_BELOW: f64 = 0.1;
+/// Smallest share of an empty table that is in sight.
+const MIN_VISIBLE: f64 = 0.5;
+/// Smallest share of what nothing hides that shows the table: sensors lose single measurements.
+const MIN_FREE_TABLE: f64 = 0.9;
+
+/// Points of a depth image and the faces among them.
+struct TableView<'a> {
+    rays: &'a DepthRays,
+    points: Cloud,
+    faces: Vec<Face>,
 }
 
 impl std::fmt::Debug for Detector {
@@ -203,8 +217,11 @@ impl Detector {
 
     /// Returns the objects of an image, and of the depth image of the same moment.
     ///
-    /// Errors: [`VisionError::NoContrast`] if the lens is covered, [`VisionError::Unsuitable`] for images of other sizes
-    /// than the cameras' or a depth image without a sensor, [`VisionError::OpenCv`].
+    /// Without a face in the depth image there is no object, whatever the colour image shows.
+    ///
+    /// Errors: [`VisionError::NoContrast`] if the lens is covered, [`VisionError::NoTable`] if the depth image shows neither
+    /// objects nor what is below them, [`VisionError::Unsuitable`] for images of other sizes than the cameras' or a depth image without a
+    /// sensor, [`VisionError::OpenCv`].
     pub fn detect(
         &mut self,
         image: &Image,
@@ -212,13 +229,6 @@ impl Detector {
     ) -> Result<Vec<FoundObject>> {
         let Some(depth) = depth else {
             return self.detect_by_colour(image);
-        };
-        let Some(rays) = &self.rays else {
-            return Err(VisionError::Unsuitable {
-                what: "depth image".to_owned(),
-                expected: "a depth sensor in the setup of the detector".to_owned(),
-                actual: "none".to_owned(),
-            });
         };
         let size = self.setup.camera.intrinsics.size;
         if [image.width(), image.height()] != size {
@@ -231,25 +241,17 @@ impl Detector {
                 actual: format!("{} x {}", image.width(), image.height()),
             });
         }
+        let view = self.look_by_depth(depth)?;
+        if view.faces.is_empty() {
+            return Ok(Vec::new());
+        }
         let pixels = mat::in_order(image)?;
         recognition::check_contrast(&pixels)?;
-        let camera = match self.parameters.beyond_image {
-            true => rays.camera(),
-            false => &self.setup.camera,
-        };
-        let (low, high) = field_of_view(camera, self.setup.surface);
-        let points = rays.points(depth, self.setup.surface)?;
-        let highest = self.database.kinds.iter().map(|kind| kind.height[1]);
-        let limits = FaceLimits {
-            height: [
-                self.parameters.min_height,
-                highest.fold(0.0, f64::max) + 2.0 * HEIGHT_TOLERANCE,
-            ],
-            step: self.parameters.face_step,
-            thickness: self.parameters.face_thickness,
-            min_points: self.parameters.min_points,
-        };
-        let faces = HeightMap::new(&points, low, high).faces(&points, &limits);
+        let TableView {
+            rays,
+            points,
+            faces,
+        } = view;
         let examiner = Examiner {
             setup: &self.setup,
             parameters: &self.parameters,
@@ -278,6 +280,77 @@ impl Detector {
             }
         }
         Ok(kept)
+    }
+
+    /// Returns whether a depth image shows the table and nothing between these corners of it, m. An arm may hide less than half of it.
+    ///
+    /// Errors: [`VisionError::NoTable`], [`VisionError::Unsuitable`] as [`detect`](Self::detect).
+    pub fn is_table_empty(
+        &self,
+        depth: &DepthImage,
+        low: [f64; 2],
+        high: [f64; 2],
+    ) -> Result<bool> {
+        let view = self.look_by_depth(depth)?;
+        let (mut all, mut table, mut above) = (0.0, 0.0, 0.0);
+        for pixel in view.rays.pixels_of_table(self.setup.surface, low, high) {
+            let height = view.points.height(pixel).map(f64::from);
+            all += 1.0;
+            if height.is_some_and(|height| height.abs() <= self.parameters.min_height) {
+                table += 1.0;
+            }
+            if height.is_some_and(|height| height > self.highest()) {
+                above += 1.0;
+            }
+        }
+        tracing::debug!(all, table, above, "pixels of the table in the depth image");
+        let inside =
+            |[x, y]: &[f64; 2]| (low[0]..=high[0]).contains(x) && (low[1]..=high[1]).contains(y);
+        let has_faces = view.faces.iter().any(|face| face.points.iter().any(inside));
+        let is_seen =
+            all > 0.0 && table >= MIN_VISIBLE * all && table >= MIN_FREE_TABLE * (all - above);
+        Ok(is_seen && !has_faces)
+    }
+
+    /// Returns the height above the table that no object reaches, m.
+    fn highest(&self) -> f64 {
+        let highest = self.database.kinds.iter().map(|kind| kind.height[1]);
+        highest.fold(0.0, f64::max) + 2.0 * HEIGHT_TOLERANCE
+    }
+
+    /// Finds faces in a depth image.
+    fn look_by_depth(&self, depth: &DepthImage) -> Result<TableView<'_>> {
+        let Some(rays) = &self.rays else {
+            return Err(VisionError::Unsuitable {
+                what: "depth image".to_owned(),
+                expected: "a depth sensor in the setup of the detector".to_owned(),
+                actual: "none".to_owned(),
+            });
+        };
+        let camera = match self.parameters.beyond_image {
+            true => rays.camera(),
+            false => &self.setup.camera,
+        };
+        let (low, high) = field_of_view(camera, self.setup.surface);
+        let points = rays.points(depth, self.setup.surface)?;
+        let limits = FaceLimits {
+            height: [self.parameters.min_height, self.highest()],
+            step: self.parameters.face_step,
+            thickness: self.parameters.face_thickness,
+            min_points: self.parameters.min_points,
+        };
+        let faces = HeightMap::new(&points, low, high).faces(&points, &limits);
+        if faces.is_empty() {
+            let share = points.share_below(self.highest());
+            if share < MIN_BELOW {
+                return Err(VisionError::NoTable { share });
+            }
+        }
+        Ok(TableView {
+            rays,
+            points,
+            faces,
+        })
     }
 
     /// Returns the objects of an image without depth: labels and outlines alone.

@@ -101,6 +101,8 @@ export class Controls {
     for (const [command, board] of [["move", state.arm], ["hand", state.hand]]) {
       this.sliders[command].forEach((slider, index) => {
         const position = board?.p[index];
+        // An arm without a wrist has fewer joints.
+        if (board) slider.input.parentElement.hidden = position === undefined;
         if (position === undefined || now - slider.touched < FOLLOW_DELAY_MS) return;
         const text = `${plain(position, 1)}°`;
         if (slider.output.textContent === text) return;

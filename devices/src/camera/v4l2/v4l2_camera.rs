@@ -10,8 +10,9 @@ use std::time::{Duration, Instant};
 use super::capture_thread::{CaptureThread, Shared};
 use super::linux_driver::LinuxDriver;
 use super::mode_selection::{Wanted, choose};
-use super::v4l2_options::{V4l2Options, check_angles};
+use super::v4l2_options::V4l2Options;
 use super::video_driver::VideoDriver;
+use crate::camera::camera_options::check_angles;
 use crate::image::{Frame, PixelFormat};
 use crate::{
     CameraConfiguration, CameraDescription, Device, DeviceError, Feature, FeatureMode,
@@ -385,15 +386,8 @@ mod tests {
         V4l2Camera::with_driver(options, Box::new(driver.clone()))
     }
 
-    fn until<T>(what: &str, mut get: impl FnMut() -> Option<T>) -> T {
-        let deadline = Instant::now() + TIMEOUT;
-        loop {
-            if let Some(value) = get() {
-                return value;
-            }
-            assert!(Instant::now() < deadline, "{what} did not come");
-            thread::sleep(Duration::from_millis(2));
-        }
+    fn until<T>(what: &str, get: impl FnMut() -> Option<T>) -> T {
+        yarp_testing::until_within(TIMEOUT, what, get)
     }
 
     /// Returns an error and its sources.

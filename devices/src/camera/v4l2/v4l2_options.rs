@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use super::Encoding;
 use super::mode_selection::Wanted;
+use crate::camera::camera_options::check_angles;
 use crate::{DeviceError, Feature, Intrinsics};
 
 /// Range of the rate, images per second.
@@ -130,19 +131,6 @@ impl V4l2Options {
         }
         self.field_of_view.map_or(Ok(()), check_angles)
     }
-}
-
-/// Refuses angles that no lens has.
-pub(super) fn check_angles((across, down): (f64, f64)) -> Result<(), DeviceError> {
-    let good = |angle: f64| angle > 0.0 && angle <= 360.0;
-    if good(across) && good(down) {
-        return Ok(());
-    }
-    Err(DeviceError::Unsuitable {
-        what: "field of view",
-        asked: format!("{across} {down} deg"),
-        expected: "more than 0 and up to 360 deg".to_owned(),
-    })
 }
 
 #[cfg(test)]

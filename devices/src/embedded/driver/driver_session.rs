@@ -83,7 +83,7 @@ impl<'a> Session<'a> {
         (true, end)
     }
 
-    /// Queries gravity compensation, the joint positions, and whether the joints move.
+    /// Queries the joint positions, switches gravity compensation on, and queries whether the joints move.
     fn open(&mut self) -> Result<(), LinkError> {
         let options = &self.shared.options;
         let prepare = || {
@@ -94,6 +94,8 @@ impl<'a> Session<'a> {
         };
         let peer = prepare().map_err(|error| self.broken("opening the connection", &error))?;
         self.shared.lock().link.peer = format!("the embedded PC at {peer}");
+        // Before anything changes: an arm with other joints than this driver's shows here.
+        self.read_joints()?;
         let mut up = LinkState::Idle;
         if options.gravity {
             match self.exchange(&Request::Gravity)? {
@@ -103,7 +105,6 @@ impl<'a> Session<'a> {
                 _ => up = LinkState::Up,
             }
         }
-        self.read_joints()?;
         self.ask_for_the_end()?;
         let mut state = self.shared.lock();
         state.link.state = up;

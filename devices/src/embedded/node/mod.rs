@@ -12,8 +12,8 @@ use std::time::Duration;
 
 use tracing::{info, warn};
 
-use self::node_arm::Arm;
 pub use self::node_arm::CartesianMoves;
+use self::node_arm::{ServedArm, served_arm};
 use self::node_session::{End, Session};
 use super::backoff;
 use super::link_setup::{LinkAddresses, LinkConnector, LinkMode, join};
@@ -66,7 +66,7 @@ pub struct NodeStatus {
     pub last_end: Option<String>,
 }
 
-/// The server of the protocol, around a device with the seven joints of a WAM.
+/// The server of the protocol, around a device with the four or seven joints of a WAM.
 ///
 /// * The arm is idle until the first `gra`, which puts its joints into position mode: held, with gravity compensated.
 /// * A command replaces the previous one; nothing is queued.
@@ -97,10 +97,10 @@ impl Shared {
 impl WamNode {
     /// Starts a server for this arm, which becomes idle.
     ///
-    /// Errors: [`DeviceError::NotSupported`] for a device that has not seven joints with encoders, position control and
+    /// Errors: [`DeviceError::NotSupported`] for a device that has not four or seven joints with encoders, position control and
     /// modes; [`DeviceError::Start`] if the ports to listen at are taken, or the machine has no thread left.
     pub fn start(device: Arc<dyn Device>, options: NodeOptions) -> Result<Self, DeviceError> {
-        let arm = Arm::new(device, options.moves)?;
+        let arm = served_arm(device, options.moves)?;
         arm.rest()?;
         let failed = |what| move |source| DeviceError::Start { what, source };
         let (connector, addresses) = LinkConnector::start(options.link_mode)
@@ -140,7 +140,7 @@ impl Drop for WamNode {
 }
 
 impl Shared {
-    fn run(&self, connector: &LinkConnector, mut arm: Arm, options: &NodeOptions) {
+    fn run(&self, connector: &LinkConnector, mut arm: Box<dyn ServedArm>, options: &NodeOptions) {
         let new_pauses = || backoff::backoff(options.initial_backoff, options.max_backoff);
         let mut pauses = new_pauses();
         let mut last_error = String::new();
@@ -153,7 +153,7 @@ impl Shared {
                         status.connected = true;
                         status.sessions += 1;
                     }
-                    let (served, end) = Session::run(self, connector, &mut arm, options, pair);
+                    let (served, end) = Session::run(self, connector, arm.as_mut(), options, pair);
                     arm.hold();
                     if served > 0 {
                         pauses = new_pauses();

@@ -8,9 +8,9 @@ use nalgebra::{IsometryMatrix3, Translation3};
 use super::line_follower::{LINE_PERIOD, LineFollower};
 use super::node_motion_completion::{Ended, Motion};
 use crate::embedded::protocol::{POSE, Reply, Request};
-use crate::kinematics::{EulerXyz, Joints, Pose, Solver, SolverOptions};
-use crate::trajectory::{StraightLine, StraightLineError, StraightLineOptions};
-use crate::wam::{AXES, WamModel};
+use crate::kinematics::{EulerXyz, Joints, Pose, Solver, SolverOptions, Task};
+use crate::trajectory::{StraightLine, StraightLineOptions};
+use crate::wam::WamModel;
 use crate::{
     Axes, ControlLimits, ControlMode, Device, DeviceError, EncoderReading, Encoders, Mode,
     PositionControl,
@@ -34,23 +34,27 @@ pub(super) enum Refusal {
         "no joint angles bring the tool there: the nearest is {millimetres:.1} mm and {degrees:.2} degrees off"
     )]
     OutOfReach { millimetres: f64, degrees: f64 },
+    #[error("no joint angles bring the tool there: the nearest is {millimetres:.1} mm off")]
+    PlaceOutOfReach { millimetres: f64 },
     #[error(transparent)]
-    Line(#[from] StraightLineError<AXES>),
+    Line(Box<dyn std::error::Error + Send + Sync>),
     #[error("too many queries for the end of one move")]
     TooManyQueries,
 }
 
 /// The arm, and the move it makes.
-pub(super) struct Arm {
+pub(super) struct Arm<const N: usize> {
     device: Arc<dyn Device>,
-    model: WamModel<AXES>,
+    model: WamModel<N>,
     /// From where the arm is, to the nearest posture.
-    near: Solver<AXES>,
+    near: Solver<N>,
     /// To any posture, where that is allowed.
-    far: Solver<AXES>,
+    far: Solver<N>,
     moves: CartesianMoves,
-    line: LineFollower<AXES>,
-    pub(super) motion: Motion,
+    line: LineFollower<N>,
+    /// The part of a pose that the tool is moved to.
+    task: Task,
+    motion: Motion,
 }
 
 /// Moves of the tool that a server makes (`moc`).
@@ -63,15 +67,61 @@ pub struct CartesianMoves {
     pub allow_posture_changes: bool,
 }
 
-impl Arm {
-    pub(super) fn new(device: Arc<dyn Device>, moves: CartesianMoves) -> Result<Self, DeviceError> {
-        let lacks = |what: &str| DeviceError::NotSupported {
-            what: format!("serving an arm without {what}"),
-        };
-        let axes = device.axis_info().map_or(0, |info| info.axes());
-        if axes != AXES {
-            return Err(lacks(&format!("seven joints (this has {axes})")));
-        }
+/// An arm that a session serves, with any number of joints.
+pub(super) trait ServedArm: Send {
+    /// Returns the number of joints.
+    fn joints(&self) -> usize;
+
+    /// Idle: without gravity compensation, as an arm is before the first `gra`. A fault stays one.
+    fn rest(&self) -> Result<(), DeviceError>;
+
+    /// Stops the current move. The joints hold; idle ones stay idle.
+    fn hold(&mut self);
+
+    /// Executes a request; returns the reply, or the reason for `q`.
+    fn obey(&mut self, request: &Request) -> Result<Reply, Refusal>;
+
+    /// Looks whether the move has ended. A move that was replaced ends at once.
+    fn look(&mut self) -> Option<Ended>;
+}
+
+/// Returns the arm of a device with the joints of a WAM.
+///
+/// Errors: [`DeviceError::NotSupported`] for a device with other joints, or without encoders, position control and modes.
+pub(super) fn served_arm(
+    device: Arc<dyn Device>,
+    moves: CartesianMoves,
+) -> Result<Box<dyn ServedArm>, DeviceError> {
+    match device.axis_info().map_or(0, |info| info.axes()) {
+        4 => Ok(Box::new(Arm::new(
+            device,
+            WamModel::<4>::new(),
+            Task::Position,
+            moves,
+        )?)),
+        7 => Ok(Box::new(Arm::new(
+            device,
+            WamModel::<7>::new(),
+            Task::Pose,
+            moves,
+        )?)),
+        axes => Err(lacks(&format!("four or seven joints (this has {axes})"))),
+    }
+}
+
+fn lacks(what: &str) -> DeviceError {
+    DeviceError::NotSupported {
+        what: format!("serving an arm without {what}"),
+    }
+}
+
+impl<const N: usize> Arm<N> {
+    fn new(
+        device: Arc<dyn Device>,
+        model: WamModel<N>,
+        task: Task,
+        moves: CartesianMoves,
+    ) -> Result<Self, DeviceError> {
         device.encoders().ok_or_else(|| lacks("encoders"))?;
         device
             .control_mode()
@@ -82,16 +132,17 @@ impl Arm {
         device
             .position_control()
             .ok_or_else(|| lacks("position control"))?;
-        let model = WamModel::<AXES>::new();
-        let near = SolverOptions {
-            attempts: 1,
+        let far = SolverOptions {
+            task,
             ..SolverOptions::default()
         };
+        let near = SolverOptions { attempts: 1, ..far };
         Ok(Self {
             near: Solver::with_options(model.chain.clone(), near),
-            far: Solver::new(model.chain.clone()),
+            far: Solver::with_options(model.chain.clone(), far),
             line: LineFollower::start(Arc::clone(&device), model.chain.clone())?,
             moves,
+            task,
             model,
             device,
             motion: Motion::default(),
@@ -113,62 +164,6 @@ impl Arm {
 
     fn encoders(&self) -> &dyn Encoders {
         self.device.encoders().expect("looked for in new")
-    }
-
-    /// Idle: without gravity compensation, as an arm is before the first `gra`. A fault stays one.
-    pub(super) fn rest(&self) -> Result<(), DeviceError> {
-        if self.fault()?.is_some() {
-            return Ok(());
-        }
-        self.modes()
-            .set_control_modes(Axes::All, &[Mode::Idle; AXES])
-    }
-
-    /// Stops the current move. The joints hold; idle ones stay idle.
-    pub(super) fn hold(&mut self) {
-        self.motion.drop_pending_queries();
-        if !self.motion.is_running() {
-            return;
-        }
-        let ended = self.line.end();
-        if let Err(error) = ended.and_then(|()| self.position().stop(Axes::All)) {
-            tracing::error!(%error, "the arm could not be stopped");
-        }
-        self.motion.begin();
-    }
-
-    /// Executes a request; returns the reply, or the reason for `q`.
-    pub(super) fn obey(&mut self, request: &Request) -> Result<Reply, Refusal> {
-        match request {
-            Request::Joints => Ok(Reply::Joints(
-                self.readings()?
-                    .map(|reading| reading.position.to_radians())
-                    .to_vec(),
-            )),
-            Request::Pose => Ok(Reply::Pose(self.pose()?)),
-            Request::MoveJoints(angles) => {
-                let targets = angles.iter().map(|angle| angle.to_degrees()).collect();
-                self.go(targets)
-            }
-            Request::MovePose(pose) => self.move_tool(pose),
-            Request::Home => {
-                let home = self.model.home;
-                self.go(home.iter().map(|angle| angle.to_degrees()).collect())
-            }
-            Request::Gravity => {
-                self.modes()
-                    .set_control_modes(Axes::All, &[Mode::Position; AXES])?;
-                Ok(Reply::Done)
-            }
-            Request::TellFinish => {
-                if self.motion.ask() {
-                    Ok(Reply::Done)
-                } else {
-                    Err(Refusal::TooManyQueries)
-                }
-            }
-            Request::Shutdown => Ok(Reply::Done),
-        }
     }
 
     /// Checks that the joints are held, or follow a line of this server.
@@ -202,21 +197,23 @@ impl Arm {
         Ok(Reply::Done)
     }
 
-    /// Moves the tool on a straight line, in the posture that the arm has.
+    /// Moves the tool on a straight line, in the posture that the arm has; to the place of the pose alone with four joints.
     fn move_tool(&mut self, pose: &[f64; POSE]) -> Result<Reply, Refusal> {
         let [x, y, z, roll, pitch, yaw] = *pose;
         if pose.iter().any(|number| !number.is_finite()) {
             return Err(Refusal::NotFinite);
         }
-        let target = IsometryMatrix3::from_parts(
-            Translation3::new(x, y, z),
-            EulerXyz::new(roll, pitch, yaw).rotation(),
-        );
         self.check_held()?;
         let start = match self.line.commanded() {
             Some(commanded) => commanded,
             None => self.angles()?,
         };
+        let rotation = match self.task {
+            // It turns as the way to the place has it.
+            Task::Position => self.model.chain.forward(&start).rotation,
+            _ => EulerXyz::new(roll, pitch, yaw).rotation(),
+        };
+        let target = IsometryMatrix3::from_parts(Translation3::new(x, y, z), rotation);
         let options = &self.moves.line;
         match StraightLine::plan(&self.near, &start, &target, options, LINE_PERIOD) {
             Ok(line) => {
@@ -230,19 +227,21 @@ impl Arm {
                 let angles = self.nearest_posture(&target, &start)?;
                 self.go(angles.iter().map(|angle| angle.to_degrees()).collect())
             }
-            Err(refused) => Err(refused.into()),
+            Err(refused) => Err(Refusal::Line(Box::new(refused))),
         }
     }
 
-    fn nearest_posture(
-        &self,
-        target: &Pose,
-        start: &Joints<AXES>,
-    ) -> Result<Joints<AXES>, Refusal> {
+    fn nearest_posture(&self, target: &Pose, start: &Joints<N>) -> Result<Joints<N>, Refusal> {
         let found = self.far.solve_nearest(target, start);
-        let found = found.map_err(|unsolved| Refusal::OutOfReach {
-            millimetres: unsolved.nearest.position_error * 1e3,
-            degrees: unsolved.nearest.angle_error.to_degrees(),
+        let found = found.map_err(|unsolved| {
+            let millimetres = unsolved.nearest.position_error * 1e3;
+            match self.task {
+                Task::Position => Refusal::PlaceOutOfReach { millimetres },
+                _ => Refusal::OutOfReach {
+                    millimetres,
+                    degrees: unsolved.nearest.angle_error.to_degrees(),
+                },
+            }
         })?;
         Ok(found.joints)
     }
@@ -254,21 +253,21 @@ impl Arm {
         Ok([place.x, place.y, place.z, turn.roll, turn.pitch, turn.yaw])
     }
 
-    fn angles(&self) -> Result<Joints<AXES>, DeviceError> {
+    fn angles(&self) -> Result<Joints<N>, DeviceError> {
         let angles = self
             .readings()?
             .map(|reading| reading.position.to_radians());
         Ok(Joints::from(angles))
     }
 
-    fn readings(&self) -> Result<[EncoderReading; AXES], DeviceError> {
-        let mut readings = [EncoderReading::default(); AXES];
+    fn readings(&self) -> Result<[EncoderReading; N], DeviceError> {
+        let mut readings = [EncoderReading::default(); N];
         self.encoders().read_encoders(Axes::All, &mut readings)?;
         Ok(readings)
     }
 
-    fn control_modes(&self) -> Result<[Mode; AXES], DeviceError> {
-        let mut modes = [Mode::UNKNOWN; AXES];
+    fn control_modes(&self) -> Result<[Mode; N], DeviceError> {
+        let mut modes = [Mode::UNKNOWN; N];
         self.modes().read_control_modes(Axes::All, &mut modes)?;
         Ok(modes)
     }
@@ -278,9 +277,66 @@ impl Arm {
         let modes = self.control_modes()?;
         Ok(modes.iter().position(|mode| *mode == Mode::HardwareFault))
     }
+}
 
-    /// Looks whether the move has ended. A move that was replaced ends at once.
-    pub(super) fn look(&mut self) -> Option<Ended> {
+impl<const N: usize> ServedArm for Arm<N> {
+    fn joints(&self) -> usize {
+        N
+    }
+
+    fn rest(&self) -> Result<(), DeviceError> {
+        if self.fault()?.is_some() {
+            return Ok(());
+        }
+        self.modes().set_control_modes(Axes::All, &[Mode::Idle; N])
+    }
+
+    fn hold(&mut self) {
+        self.motion.drop_pending_queries();
+        if !self.motion.is_running() {
+            return;
+        }
+        let ended = self.line.end();
+        if let Err(error) = ended.and_then(|()| self.position().stop(Axes::All)) {
+            tracing::error!(%error, "the arm could not be stopped");
+        }
+        self.motion.begin();
+    }
+
+    fn obey(&mut self, request: &Request) -> Result<Reply, Refusal> {
+        match request {
+            Request::Joints => Ok(Reply::Joints(
+                self.readings()?
+                    .map(|reading| reading.position.to_radians())
+                    .to_vec(),
+            )),
+            Request::Pose => Ok(Reply::Pose(self.pose()?)),
+            Request::MoveJoints(angles) => {
+                let targets = angles.iter().map(|angle| angle.to_degrees()).collect();
+                self.go(targets)
+            }
+            Request::MovePose(pose) => self.move_tool(pose),
+            Request::Home => {
+                let home = self.model.home;
+                self.go(home.iter().map(|angle| angle.to_degrees()).collect())
+            }
+            Request::Gravity => {
+                self.modes()
+                    .set_control_modes(Axes::All, &[Mode::Position; N])?;
+                Ok(Reply::Done)
+            }
+            Request::TellFinish => {
+                if self.motion.ask() {
+                    Ok(Reply::Done)
+                } else {
+                    Err(Refusal::TooManyQueries)
+                }
+            }
+            Request::Shutdown => Ok(Reply::Done),
+        }
+    }
+
+    fn look(&mut self) -> Option<Ended> {
         if !self.motion.is_running() {
             return self.motion.look(Instant::now(), true);
         }

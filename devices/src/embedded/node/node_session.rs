@@ -8,13 +8,12 @@ use std::time::{Duration, Instant};
 
 use tracing::{debug, info};
 
-use super::node_arm::Arm;
+use super::node_arm::ServedArm;
 use super::node_motion_completion::Ended;
 use super::{NodeOptions, Shared};
 use crate::embedded::link_error::{LinkError, LinkErrorKind};
 use crate::embedded::link_setup::{LinkConnector, SocketPair};
 use crate::embedded::protocol::{ARM, Packet, Reply, Request, RequestReader, TRAJECTORY};
-use crate::wam::AXES;
 
 /// Timeout of a read, after which the motion is checked.
 const READ_INTERVAL: Duration = Duration::from_millis(5);
@@ -44,7 +43,7 @@ const REJECT_INTERVAL: Duration = Duration::from_millis(100);
 pub(super) struct Session<'a> {
     shared: &'a Shared,
     connector: &'a LinkConnector,
-    arm: &'a mut Arm,
+    arm: &'a mut dyn ServedArm,
     options: &'a NodeOptions,
     stream: TcpStream,
     packets: TcpStream,
@@ -60,10 +59,11 @@ impl<'a> Session<'a> {
     pub(super) fn run(
         shared: &'a Shared,
         connector: &'a LinkConnector,
-        arm: &'a mut Arm,
+        arm: &'a mut dyn ServedArm,
         options: &'a NodeOptions,
         pair: SocketPair,
     ) -> (u64, End) {
+        let joints = arm.joints();
         let mut session = Self {
             shared,
             connector,
@@ -71,7 +71,7 @@ impl<'a> Session<'a> {
             options,
             stream: pair.arm,
             packets: pair.packets,
-            reader: RequestReader::new(AXES),
+            reader: RequestReader::new(joints),
             served: 0,
             replies: 0,
             heard: Instant::now(),

@@ -1,4 +1,4 @@
-//! An arm as seen on its CAN bus: seven pucks and a safety module, with the mechanics behind them.
+//! An arm as seen on its CAN bus: the pucks of its motors and a safety module, with the mechanics behind them.
 
 mod motor_puck;
 mod puck_bus_server;
@@ -46,9 +46,9 @@ const BROADCAST_ID: u16 = 0x540;
 /// assert_eq!(answers[0].to_string(), "426: 85 00 00 00");
 /// ```
 #[derive(Clone, Debug)]
-pub struct SimulatedPucks {
-    simulator: Simulator<AXES>,
-    motors: [MotorPuck; AXES],
+pub struct SimulatedPucks<const N: usize = AXES> {
+    simulator: Simulator<N>,
+    motors: [MotorPuck; N],
     safety: SafetyPuck,
     /// Mode for which the safety module last switched the pucks.
     switched: SafetyMode,
@@ -63,8 +63,23 @@ pub struct SimulatedPucks {
 }
 
 impl SimulatedPucks {
+    /// Returns whether a frame is the query that begins a control period: the positions of all motors.
+    ///
+    /// To let the arm's time advance with the traffic instead of the clock, advance one period for each.
+    pub fn asks_for_positions(frame: &CanFrame) -> bool {
+        matches!(
+            PuckMessage::read(frame),
+            Ok((
+                Address { from: Node::HOST, to: Target::Group(_) },
+                PuckMessage::Get(property),
+            )) if property == PuckProperty::P
+        )
+    }
+}
+
+impl<const N: usize> SimulatedPucks<N> {
     /// An arm in its home pose that has just been switched on: pucks in monitor state, safety module idle.
-    pub fn new(model: WamModel<AXES>, options: SimulatorOptions) -> Self {
+    pub fn new(model: WamModel<N>, options: SimulatorOptions) -> Self {
         let simulator = Simulator::new(model, options);
         let counts = simulator.counts();
         let turn = simulator.model().transmission.counts_per_turn() as i32;
@@ -183,7 +198,7 @@ impl SimulatedPucks {
     pub fn set_wake_up(&mut self, node: Node, wake_up: WakeUp) {
         if node == Node::SAFETY {
             self.safety.start_mut().set_wake_up(wake_up);
-        } else if let Some(motor) = node.motor(AXES) {
+        } else if let Some(motor) = node.motor(N) {
             self.motors[motor].start_mut().set_wake_up(wake_up);
         }
     }
@@ -195,7 +210,7 @@ impl SimulatedPucks {
     }
 
     fn step(&mut self) {
-        for joint in 0..AXES {
+        for joint in 0..N {
             let transmission = &self.simulator.model().transmission;
             let mut motors = self.motors.iter().enumerate();
             let idle =
@@ -223,7 +238,7 @@ impl SimulatedPucks {
                 puck.start_mut().switch_off();
             }
         } else if self.stop_cuts_power && before == SafetyMode::EmergencyStop {
-            for motor in 0..AXES {
+            for motor in 0..N {
                 self.restart_motor(motor);
             }
         }
@@ -242,19 +257,6 @@ impl SimulatedPucks {
                 to: Node::of_motor(motor).into(),
             }));
         }
-    }
-
-    /// Returns whether a frame is the query that begins a control period: the positions of all motors.
-    ///
-    /// To let the arm's time advance with the traffic instead of the clock, advance one period for each.
-    pub fn asks_for_positions(frame: &CanFrame) -> bool {
-        matches!(
-            PuckMessage::read(frame),
-            Ok((
-                Address { from: Node::HOST, to: Target::Group(_) },
-                PuckMessage::Get(property),
-            )) if property == PuckProperty::P
-        )
     }
 
     /// Makes a node deaf and mute, as if its plug were pulled, or ends that.
@@ -310,7 +312,7 @@ impl SimulatedPucks {
         self.press_idle();
         self.powered = powered;
         if powered {
-            for motor in 0..AXES {
+            for motor in 0..N {
                 self.restart_motor(motor);
             }
             self.restart_safety();
@@ -349,12 +351,12 @@ impl SimulatedPucks {
     }
 
     /// The machine.
-    pub fn simulator(&self) -> &Simulator<AXES> {
+    pub fn simulator(&self) -> &Simulator<N> {
         &self.simulator
     }
 
     /// The machine, to push it.
-    pub fn simulator_mut(&mut self) -> &mut Simulator<AXES> {
+    pub fn simulator_mut(&mut self) -> &mut Simulator<N> {
         &mut self.simulator
     }
 }

@@ -18,8 +18,8 @@ const MAX_CATCH_UP: Duration = Duration::from_millis(100);
 ///
 /// The arm continues while the bus is down, which is opened again as soon as it is up. Blocks; ends within a few
 /// milliseconds once `ending` is set.
-pub fn serve_pucks(
-    pucks: &Mutex<SimulatedPucks>,
+pub fn serve_pucks<const N: usize>(
+    pucks: &Mutex<SimulatedPucks<N>>,
     mut open: impl FnMut() -> Result<Box<dyn CanBus>, BusError>,
     ending: &AtomicBool,
 ) {
@@ -55,9 +55,9 @@ pub fn serve_pucks(
 }
 
 /// Sends what there is to send, and answers what comes until the deadline.
-fn talk(
+fn talk<const N: usize>(
     bus: &mut dyn CanBus,
-    pucks: &Mutex<SimulatedPucks>,
+    pucks: &Mutex<SimulatedPucks<N>>,
     frames: &mut Vec<crate::can::CanFrame>,
     deadline: Instant,
 ) -> Result<(), BusError> {

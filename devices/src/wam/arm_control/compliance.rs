@@ -10,7 +10,6 @@
 
 use super::{ArmControl, Stream};
 use crate::simulation::JointCommand;
-use crate::wam::AXES;
 use crate::{Axes, AxisIndex, DeviceError, Impedance, ImpedanceLimits, Interaction, Limits, Mode};
 
 /// Default softness of a joint, relative to its position loop.
@@ -44,7 +43,7 @@ impl Compliance {
     }
 }
 
-impl ArmControl {
+impl<const N: usize> ArmControl<N> {
     /// Returns the command that drives a joint to a position, degrees, that moves with a speed.
     pub(super) fn towards(&self, joint: usize, place: f64, speed: f64) -> JointCommand {
         let compliance = &self.compliance[joint];
@@ -61,12 +60,12 @@ impl ArmControl {
 
     /// Same as [`InteractionMode::interactions`](crate::InteractionMode::interactions).
     pub fn interactions(&self, axes: Axes<'_>) -> Result<Vec<Interaction>, DeviceError> {
-        axes.check(AXES)?;
+        axes.check(N)?;
         let one = |axis: AxisIndex| match self.compliance[axis.index()].yields {
             true => Interaction::Compliant,
             false => Interaction::Stiff,
         };
-        Ok(axes.iter(AXES).map(one).collect())
+        Ok(axes.iter(N).map(one).collect())
     }
 
     /// Same as [`InteractionMode::set_interactions`](crate::InteractionMode::set_interactions).
@@ -78,9 +77,9 @@ impl ArmControl {
         axes: Axes<'_>,
         interactions: &[Interaction],
     ) -> Result<(), DeviceError> {
-        axes.check_command(AXES, "interaction modes", interactions.len())?;
+        axes.check_command(N, "interaction modes", interactions.len())?;
         self.accepts()?;
-        for (joint, interaction) in axes.iter(AXES).zip(interactions) {
+        for (joint, interaction) in axes.iter(N).zip(interactions) {
             if let Interaction::Unknown(_) = interaction {
                 return Err(DeviceError::NotSupported {
                     what: "an interaction mode that is neither stiff nor compliant".to_owned(),
@@ -88,7 +87,7 @@ impl ArmControl {
             }
             self.check_ready(joint, "a change of interaction mode")?;
         }
-        for (axis, &interaction) in axes.iter(AXES).zip(interactions) {
+        for (axis, &interaction) in axes.iter(N).zip(interactions) {
             let yields = interaction == Interaction::Compliant;
             let yielded = std::mem::replace(&mut self.compliance[axis.index()].yields, yields);
             if yielded && !yields {
@@ -114,7 +113,7 @@ impl ArmControl {
 
     /// Same as [`ImpedanceControl::impedance`](crate::ImpedanceControl::impedance).
     pub fn impedance(&self, axis: AxisIndex) -> Result<Impedance, DeviceError> {
-        Axes::One(axis).check(AXES)?;
+        Axes::One(axis).check(N)?;
         Ok(self.compliance[axis.index()].impedance)
     }
 
@@ -132,7 +131,7 @@ impl ArmControl {
 
     /// Same as [`ImpedanceControl::impedance_offset`](crate::ImpedanceControl::impedance_offset).
     pub fn impedance_offset(&self, axis: AxisIndex) -> Result<f64, DeviceError> {
-        Axes::One(axis).check(AXES)?;
+        Axes::One(axis).check(N)?;
         Ok(self.compliance[axis.index()].offset)
     }
 
@@ -152,12 +151,12 @@ impl ArmControl {
     /// Same as [`ImpedanceControl::impedance_limits`](crate::ImpedanceControl::impedance_limits): up to the stiffness
     /// and damping that Barrett's position loop has, with which the arm is known to be steady.
     pub fn impedance_limits(&self, axis: AxisIndex) -> Result<ImpedanceLimits, DeviceError> {
-        Axes::One(axis).check(AXES)?;
+        Axes::One(axis).check(N)?;
         Ok(Self::largest_impedance(&self.model, axis.index()))
     }
 
     pub(super) fn largest_impedance(
-        model: &crate::wam::WamModel<AXES>,
+        model: &crate::wam::WamModel<N>,
         joint: usize,
     ) -> ImpedanceLimits {
         let gains = crate::wam::wam_units::gains_per_degree(model.gains[joint]);

@@ -9,8 +9,9 @@ use std::time::Duration;
 use self::compliance::Compliance;
 pub(crate) use self::motor_currents::UNITS_PER_AMPERE;
 use self::stall::StallDetection;
+use super::axis_parameters::parameters_of;
 use super::wam_units::{degrees, gains_per_degree, gains_per_radian};
-use super::{AXES, WamModel, parameters};
+use super::{AXES, WamModel};
 use crate::dynamics::Body;
 use crate::fake::{AxesModel, MotionState};
 use crate::kinematics::Joints;
@@ -31,7 +32,7 @@ const SPEED_FILTER: f64 = 180.0;
 /// Speed below which a joint is at rest, deg/s: less than that of one encoder count.
 const STANDSTILL_SPEED: f64 = 1.0;
 
-/// Moves, streams, loops and modes of a seven-joint arm, from encoder counts to torques, in **degrees**.
+/// Moves, streams, loops and modes of an arm with `N` joints, from encoder counts to torques, in **degrees**.
 ///
 /// The methods are those of the interfaces in [`iface`](crate::iface) and keep their contracts, with what a machine
 /// adds: a move ends near its target, as near as gains and friction allow; encoders count; while the machine is
@@ -41,25 +42,25 @@ const STANDSTILL_SPEED: f64 = 1.0;
 /// The conversion of torques into motion is not in here: [`DynamicArm`](super::DynamicArm) has a simulator for it,
 /// [`CanWam`](super::can::CanWam) an arm on its bus.
 #[derive(Clone, Debug)]
-pub struct ArmControl {
-    model: WamModel<AXES>,
+pub struct ArmControl<const N: usize = AXES> {
+    model: WamModel<N>,
     set_points: AxesModel,
-    controller: JointControllers<AXES>,
+    controller: JointControllers<N>,
     period: Duration,
-    counts: [i32; AXES],
+    counts: [i32; N],
     /// Torques of the joints in the last period, Nm.
-    driven: Joints<AXES>,
-    measured: [MotionState; AXES],
-    streams: [Stream; AXES],
+    driven: Joints<N>,
+    measured: [MotionState; N],
+    streams: [Stream; N],
     /// Currents of motors in current mode, A.
-    asked: [f64; AXES],
-    compliance: [Compliance; AXES],
+    asked: [f64; N],
+    compliance: [Compliance; N],
     load: Body,
     ready: bool,
     error: Option<ArmError>,
     /// Commands are refused with it, and every joint holds.
     refusal: Option<ArmError>,
-    stall: StallDetection,
+    stall: StallDetection<N>,
 }
 
 /// The error of an unreachable machine, for callers that command it.
@@ -107,22 +108,22 @@ impl Stream {
     }
 }
 
-impl ArmControl {
+impl<const N: usize> ArmControl<N> {
     /// Control of an arm at rest at these counts, ready, in position mode.
-    pub fn new(model: WamModel<AXES>, period: Duration, counts: [i32; AXES]) -> Self {
+    pub fn new(model: WamModel<N>, period: Duration, counts: [i32; N]) -> Self {
         let controller = JointControllers::new(model.clone(), period);
         let compliance =
             std::array::from_fn(|joint| Compliance::stiff(Self::largest_impedance(&model, joint)));
         let mut control = Self {
             model,
-            set_points: AxesModel::new(parameters()),
+            set_points: AxesModel::new(parameters_of::<N>()),
             controller,
             period,
             counts,
             driven: Joints::zeros(),
-            measured: [MotionState::default(); AXES],
-            streams: [Stream::None; AXES],
-            asked: [0.0; AXES],
+            measured: [MotionState::default(); N],
+            streams: [Stream::None; N],
+            asked: [0.0; N],
             compliance,
             load: Body::default(),
             ready: true,
@@ -135,7 +136,7 @@ impl ArmControl {
     }
 
     /// The torques that follow the commands for the next period, Nm at the joints.
-    pub fn drive(&mut self) -> Joints<AXES> {
+    pub fn drive(&mut self) -> Joints<N> {
         self.set_points.step(self.period);
         self.step_direct_positions();
         let by_current = self.asked_by_current();
@@ -166,7 +167,7 @@ impl ArmControl {
     /// Moves the set points of joints in position direct mode towards what was sent, each no faster than its velocity limit: after a
     /// pause of the network, what is sent next may be far away.
     fn step_direct_positions(&mut self) {
-        for joint in 0..AXES {
+        for joint in 0..N {
             let Stream::Position { sent, now } = &mut self.streams[joint] else {
                 continue;
             };
@@ -177,13 +178,13 @@ impl ArmControl {
     }
 
     /// Processes the encoder counts at the end of a period.
-    pub fn take_counts(&mut self, counts: [i32; AXES]) {
+    pub fn take_counts(&mut self, counts: [i32; N]) {
         self.counts = counts;
         self.measure(self.period.as_secs_f64());
     }
 
     /// Starts from the arm at these counts, without history: as after a time without control.
-    pub fn forget_motion(&mut self, counts: [i32; AXES]) {
+    pub fn forget_motion(&mut self, counts: [i32; N]) {
         self.counts = counts;
         let positions = degrees(self.controller.measure(&counts).into());
         self.measured = positions.map(|position| MotionState {
@@ -195,7 +196,7 @@ impl ArmControl {
 
     /// Holds all joints at their positions, in position mode; any motion is dropped.
     pub fn hold(&mut self) {
-        for joint in 0..AXES {
+        for joint in 0..N {
             let axis = AxisIndex::from(joint);
             self.drop_streams(joint);
             self.rest(axis);
@@ -211,7 +212,7 @@ impl ArmControl {
         if ready {
             return;
         }
-        for joint in 0..AXES {
+        for joint in 0..N {
             self.drop_streams(joint);
             self.compliance[joint].stiffen();
             self.rest(joint.into());
@@ -234,7 +235,7 @@ impl ArmControl {
         let begins = self.refusal.is_none() && refusal.is_some();
         self.refusal = refusal;
         if begins {
-            for joint in 0..AXES {
+            for joint in 0..N {
                 self.come_to_rest(joint.into());
             }
         }
@@ -265,17 +266,17 @@ impl ArmControl {
     }
 
     /// Returns the model of the arm.
-    pub fn model(&self) -> &WamModel<AXES> {
+    pub fn model(&self) -> &WamModel<N> {
         &self.model
     }
 
-    /// Returns the load that gravity compensation assumes at the last link, beside the arm that it was calibrated
+    /// Returns the load that gravity compensation assumes at the tool plate, beside the arm that it was calibrated
     /// with.
     pub fn compensated_load(&self) -> &Body {
         &self.load
     }
 
-    /// Has gravity compensated for something else at the last link, in the frame of which it is described: from the next
+    /// Has gravity compensated for something else at the tool plate, in the frame of which it is described: from the next
     /// period on, at once.
     pub fn set_compensated_load(&mut self, load: Body) {
         self.load = load;
@@ -306,7 +307,7 @@ impl ArmControl {
     ///
     /// Errors: [`DeviceError::NoSuchAxis`], [`DeviceError::Remote`] while the machine cannot be reached.
     pub fn state(&self, axis: AxisIndex) -> Result<MotionState, DeviceError> {
-        Axes::One(axis).check(AXES)?;
+        Axes::One(axis).check(N)?;
         self.reachable()?;
         Ok(self.measured[axis.index()])
     }
@@ -348,7 +349,7 @@ impl ArmControl {
     pub fn stop(&mut self, axes: Axes<'_>) -> Result<(), DeviceError> {
         self.reachable()?;
         self.set_points.stop(axes)?;
-        for axis in axes.iter(AXES) {
+        for axis in axes.iter(N) {
             let joint = axis.index();
             match self.streams[joint] {
                 Stream::None => {}
@@ -369,7 +370,7 @@ impl ArmControl {
         let arrived = self.set_points.motion_done(axes)?;
         self.reachable()?;
         let still = |axis: AxisIndex| self.measured[axis.index()].velocity.abs() < STANDSTILL_SPEED;
-        Ok(arrived && axes.iter(AXES).all(still))
+        Ok(arrived && axes.iter(N).all(still))
     }
 
     /// Sends joints in position direct mode to places, degrees, at once, but no faster than their velocity limits: the caller makes the
@@ -382,13 +383,13 @@ impl ArmControl {
         axes: Axes<'_>,
         positions: &[f64],
     ) -> Result<(), DeviceError> {
-        axes.check_command(AXES, "positions", positions.len())?;
+        axes.check_command(N, "positions", positions.len())?;
         self.check_mode(axes, "direct position", Mode::PositionDirect)?;
-        for (axis, &asked) in axes.iter(AXES).zip(positions) {
+        for (axis, &asked) in axes.iter(N).zip(positions) {
             let limits = self.set_points.position_limits(axis)?;
             limits.check(axis, "position", asked, "deg")?;
         }
-        for (axis, &asked) in axes.iter(AXES).zip(positions) {
+        for (axis, &asked) in axes.iter(N).zip(positions) {
             if let Stream::Position { sent, .. } = &mut self.streams[axis.index()] {
                 *sent = asked;
             }
@@ -400,12 +401,12 @@ impl ArmControl {
     ///
     /// Errors: [`DeviceError::NoSuchAxis`].
     pub fn direct_positions(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
-        axes.check(AXES)?;
+        axes.check(N)?;
         let place = |axis: AxisIndex| match self.streams[axis.index()] {
             Stream::Position { sent, .. } => sent,
             _ => self.set_point(axis).position,
         };
-        Ok(axes.iter(AXES).map(place).collect())
+        Ok(axes.iter(N).map(place).collect())
     }
 
     /// Commands torques of joints in torque mode, Nm, until the next command; gravity stays compensated.
@@ -417,13 +418,13 @@ impl ArmControl {
         axes: Axes<'_>,
         torques: &[f64],
     ) -> Result<(), DeviceError> {
-        axes.check_command(AXES, "torques", torques.len())?;
+        axes.check_command(N, "torques", torques.len())?;
         self.check_mode(axes, "torque", Mode::Torque)?;
-        for (axis, &asked) in axes.iter(AXES).zip(torques) {
+        for (axis, &asked) in axes.iter(N).zip(torques) {
             self.torque_range(axis)?
                 .check(axis, "torque", asked, "Nm")?;
         }
-        for (axis, &asked) in axes.iter(AXES).zip(torques) {
+        for (axis, &asked) in axes.iter(N).zip(torques) {
             self.streams[axis.index()] = Stream::Torque(asked);
         }
         Ok(())
@@ -433,30 +434,27 @@ impl ArmControl {
     ///
     /// Errors: [`DeviceError::NoSuchAxis`].
     pub fn reference_torques(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
-        axes.check(AXES)?;
+        axes.check(N)?;
         let asked = |axis: AxisIndex| match self.streams[axis.index()] {
             Stream::Torque(torque) => torque,
             _ => 0.0,
         };
-        Ok(axes.iter(AXES).map(asked).collect())
+        Ok(axes.iter(N).map(asked).collect())
     }
 
     /// The torques that the motors were driven with in the last period, Nm at the joints, gravity compensation included.
     ///
     /// Errors: [`DeviceError::NoSuchAxis`].
     pub fn torques(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
-        axes.check(AXES)?;
-        Ok(axes
-            .iter(AXES)
-            .map(|axis| self.driven[axis.index()])
-            .collect())
+        axes.check(N)?;
+        Ok(axes.iter(N).map(|axis| self.driven[axis.index()]).collect())
     }
 
     /// Returns the range of torques of a joint, Nm: that of its control loop.
     ///
     /// Errors: [`DeviceError::NoSuchAxis`].
     pub fn torque_range(&self, axis: AxisIndex) -> Result<Limits, DeviceError> {
-        Axes::One(axis).check(AXES)?;
+        Axes::One(axis).check(N)?;
         Ok(self.range_of_loop(axis.index()))
     }
 
@@ -469,7 +467,7 @@ impl ArmControl {
     ///
     /// Errors: [`DeviceError::NoSuchAxis`].
     pub fn gains(&self, axis: AxisIndex) -> Result<Gains, DeviceError> {
-        Axes::One(axis).check(AXES)?;
+        Axes::One(axis).check(N)?;
         Ok(gains_per_degree(self.controller.gains()[axis.index()]))
     }
 
@@ -486,7 +484,7 @@ impl ArmControl {
 
     /// Checks gains before they are set, with the errors of [`set_gains`](Self::set_gains).
     pub(super) fn check_gains(&self, axis: AxisIndex, gains: Gains) -> Result<(), DeviceError> {
-        Axes::One(axis).check(AXES)?;
+        Axes::One(axis).check(N)?;
         let possible = Limits::new(0.0, self.model.largest_torque(axis.index()));
         possible.check(axis, "torque limit", gains.limit, "Nm")?;
         let positive = Limits::new(0.0, f64::MAX);
@@ -504,7 +502,7 @@ impl ArmControl {
     ///
     /// Errors: [`DeviceError::NoSuchAxis`].
     pub fn loop_output(&self, axis: AxisIndex) -> Result<f64, DeviceError> {
-        Axes::One(axis).check(AXES)?;
+        Axes::One(axis).check(N)?;
         Ok(self.controller.outputs()[axis.index()])
     }
 
@@ -512,15 +510,15 @@ impl ArmControl {
     ///
     /// Errors: [`DeviceError::NoSuchAxis`].
     pub fn reset_loops(&mut self, axes: Axes<'_>) -> Result<(), DeviceError> {
-        axes.check(AXES)?;
-        for axis in axes.iter(AXES) {
+        axes.check(N)?;
+        for axis in axes.iter(N) {
             self.controller.reset_joint(axis.index());
         }
         Ok(())
     }
 
     /// Returns the counts of the motors' encoders.
-    pub fn motor_counts(&self) -> [i32; AXES] {
+    pub fn motor_counts(&self) -> [i32; N] {
         self.counts
     }
 
@@ -528,15 +526,15 @@ impl ArmControl {
     ///
     /// Errors: [`DeviceError::NoSuchAxis`].
     pub fn available_control_modes(&self, axis: AxisIndex) -> Result<Vec<Mode>, DeviceError> {
-        Axes::One(axis).check(AXES)?;
+        Axes::One(axis).check(N)?;
         Ok(MODES.to_vec())
     }
 
     /// Same as [`ControlMode::read_control_modes`](crate::ControlMode::read_control_modes).
     pub fn read_control_modes(&self, axes: Axes<'_>, out: &mut [Mode]) -> Result<(), DeviceError> {
-        axes.check_count(AXES, "slots for modes", out.len())?;
-        axes.check(AXES)?;
-        for (slot, axis) in out.iter_mut().zip(axes.iter(AXES)) {
+        axes.check_count(N, "slots for modes", out.len())?;
+        axes.check(N)?;
+        for (slot, axis) in out.iter_mut().zip(axes.iter(N)) {
             *slot = self.mode(axis);
         }
         Ok(())
@@ -546,9 +544,9 @@ impl ArmControl {
     ///
     /// While the machine is not ready only [`Mode::ForceIdle`] is taken.
     pub fn set_control_modes(&mut self, axes: Axes<'_>, modes: &[Mode]) -> Result<(), DeviceError> {
-        axes.check_command(AXES, "modes", modes.len())?;
+        axes.check_command(N, "modes", modes.len())?;
         self.reachable()?;
-        for (joint, &mode) in axes.iter(AXES).zip(modes) {
+        for (joint, &mode) in axes.iter(N).zip(modes) {
             if mode == Mode::ForceIdle {
                 continue;
             }
@@ -560,7 +558,7 @@ impl ArmControl {
                 self.accepts()?;
             }
         }
-        for (axis, &mode) in axes.iter(AXES).zip(modes) {
+        for (axis, &mode) in axes.iter(N).zip(modes) {
             self.change_mode(axis, mode);
         }
         Ok(())
@@ -649,9 +647,9 @@ impl ArmControl {
         command: &'static str,
         needed: Mode,
     ) -> Result<(), DeviceError> {
-        axes.check(AXES)?;
+        axes.check(N)?;
         self.accepts()?;
-        match axes.iter(AXES).find(|axis| self.mode(*axis) != needed) {
+        match axes.iter(N).find(|axis| self.mode(*axis) != needed) {
             Some(joint) => Err(DeviceError::WrongMode {
                 joint,
                 command,

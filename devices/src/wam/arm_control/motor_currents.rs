@@ -11,15 +11,15 @@
 
 use super::ArmControl;
 use crate::kinematics::Joints;
-use crate::wam::{AXES, Motor};
+use crate::wam::Motor;
 use crate::{Axes, AxisIndex, DeviceError, Limits, Mode};
 
 /// Units of a puck's torque in an ampere (libbarrett; Barrett's properties of pucks).
 pub(crate) const UNITS_PER_AMPERE: f64 = 1024.0;
 
-impl ArmControl {
+impl<const N: usize> ArmControl<N> {
     /// Replaces the model's motors by the pucks' own description.
-    pub fn set_motors(&mut self, motors: [Motor; AXES]) {
+    pub fn set_motors(&mut self, motors: [Motor; N]) {
         self.model.motors = motors;
     }
 
@@ -29,14 +29,14 @@ impl ArmControl {
     }
 
     /// Returns the joint torques of the commanded currents, Nm.
-    pub(super) fn asked_by_current(&self) -> Joints<AXES> {
+    pub(super) fn asked_by_current(&self) -> Joints<N> {
         let motors = Joints::from_fn(|motor, _| self.asked[motor] * self.torque_constant(motor));
         self.model.transmission.joint_torques(&motors)
     }
 
     /// Forgets the currents of all motors that turn a joint.
     pub(super) fn forget_currents(&mut self, joint: usize) {
-        for motor in 0..AXES {
+        for motor in 0..N {
             if self.model.transmission.turns(motor, joint) {
                 self.asked[motor] = 0.0;
             }
@@ -47,7 +47,7 @@ impl ArmControl {
     ///
     /// Errors: [`DeviceError::NoSuchAxis`], [`DeviceError::Remote`] while the machine cannot be reached.
     pub fn currents(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
-        axes.check(AXES)?;
+        axes.check(N)?;
         self.reachable()?;
         let torques = self.model.transmission.motor_torques(&self.driven);
         let one = |axis: AxisIndex| {
@@ -55,7 +55,7 @@ impl ArmControl {
             let most = self.model.motors[motor].limit / UNITS_PER_AMPERE;
             Limits::new(-most, most).clamp(torques[motor] / self.torque_constant(motor))
         };
-        Ok(axes.iter(AXES).map(one).collect())
+        Ok(axes.iter(N).map(one).collect())
     }
 
     /// Returns the range of a motor's current, A: as far as its puck follows, and no more than what takes the joints
@@ -63,13 +63,13 @@ impl ArmControl {
     ///
     /// Errors: [`DeviceError::NoSuchAxis`].
     pub fn current_range(&self, axis: AxisIndex) -> Result<Limits, DeviceError> {
-        Axes::One(axis).check(AXES)?;
+        Axes::One(axis).check(N)?;
         let motor = axis.index();
         let transmission = &self.model.transmission;
-        let most = (0..AXES)
+        let most = (0..N)
             .filter(|&joint| transmission.turns(motor, joint))
             .map(|joint| {
-                let all: f64 = (0..AXES)
+                let all: f64 = (0..N)
                     .map(|motor| {
                         transmission.ratio(motor, joint).abs() * self.torque_constant(motor)
                     })
@@ -86,11 +86,10 @@ impl ArmControl {
         axes: Axes<'_>,
         currents: &[f64],
     ) -> Result<(), DeviceError> {
-        axes.check_command(AXES, "currents", currents.len())?;
+        axes.check_command(N, "currents", currents.len())?;
         self.check_mode(axes, "current", Mode::Current)?;
-        for (axis, &asked) in axes.iter(AXES).zip(currents) {
-            for joint in
-                (0..AXES).filter(|&joint| self.model.transmission.turns(axis.index(), joint))
+        for (axis, &asked) in axes.iter(N).zip(currents) {
+            for joint in (0..N).filter(|&joint| self.model.transmission.turns(axis.index(), joint))
             {
                 self.check_mode(
                     Axes::One(joint.into()),
@@ -101,7 +100,7 @@ impl ArmControl {
             self.current_range(axis)?
                 .check(axis, "current", asked, "A")?;
         }
-        for (axis, &asked) in axes.iter(AXES).zip(currents) {
+        for (axis, &asked) in axes.iter(N).zip(currents) {
             self.asked[axis.index()] = asked;
         }
         Ok(())
@@ -109,10 +108,7 @@ impl ArmControl {
 
     /// Same as [`CurrentControl::reference_currents`](crate::CurrentControl::reference_currents).
     pub fn reference_currents(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
-        axes.check(AXES)?;
-        Ok(axes
-            .iter(AXES)
-            .map(|axis| self.asked[axis.index()])
-            .collect())
+        axes.check(N)?;
+        Ok(axes.iter(N).map(|axis| self.asked[axis.index()]).collect())
     }
 }

@@ -12,7 +12,6 @@ use tracing::warn;
 
 use super::ArmControl;
 use crate::simulation::JointCommand;
-use crate::wam::AXES;
 use crate::{Axes, AxisIndex, Mode};
 
 /// Speed towards the set point from which on a joint gets on, deg/s. Assumed.
@@ -28,15 +27,24 @@ struct Stall {
 }
 
 /// State of the detection.
-#[derive(Clone, Debug, Default)]
-pub(super) struct StallDetection {
+#[derive(Clone, Debug)]
+pub(super) struct StallDetection<const N: usize> {
     /// Time for which each joint has shown the signs of a stall.
-    times: [Duration; AXES],
+    times: [Duration; N],
     /// The last stall of each joint since its last command.
-    stalls: [Option<Stall>; AXES],
+    stalls: [Option<Stall>; N],
 }
 
-impl ArmControl {
+impl<const N: usize> Default for StallDetection<N> {
+    fn default() -> Self {
+        Self {
+            times: [Duration::ZERO; N],
+            stalls: [None; N],
+        }
+    }
+}
+
+impl<const N: usize> ArmControl<N> {
     /// Returns what a joint stalled with, in words, until its next command.
     pub fn stall(&self, joint: AxisIndex) -> Option<String> {
         let stall = (*self.stall.stalls.get(joint.index())?)?;
@@ -48,14 +56,14 @@ impl ArmControl {
     }
 
     pub(super) fn forget_stalls(&mut self, axes: Axes<'_>) {
-        for axis in axes.iter(AXES) {
+        for axis in axes.iter(N) {
             self.stall.stalls[axis.index()] = None;
             self.stall.times[axis.index()] = Duration::ZERO;
         }
     }
 
     /// Stops the arm if a joint stalls under these commands.
-    pub(super) fn detect_stalls(&mut self, orders: &[JointCommand; AXES]) {
+    pub(super) fn detect_stalls(&mut self, orders: &[JointCommand; N]) {
         let Some(limits) = self.model.stall else {
             return;
         };
@@ -91,7 +99,7 @@ impl ArmControl {
         self.rest(axis);
         self.set_mode_of_set_point(axis, Mode::Position);
         self.controller.reset_joint(joint);
-        for other in (0..AXES).filter(|&other| other != joint) {
+        for other in (0..N).filter(|&other| other != joint) {
             let other = AxisIndex::from(other);
             if matches!(
                 self.mode(other),

@@ -7,7 +7,7 @@ use tracing::{debug, info, warn};
 use super::can_error::AtStep;
 use super::control_cycle::ControlCycle;
 use super::puck_bus::PuckBus;
-use super::puck_health::PuckHealth;
+use super::puck_health::puck_limit;
 use super::zero_calibration::marks_at_home;
 use super::{CanError, CanErrorKind, CanOptions, CanStep, OpenBus, PositionRecord};
 use crate::can::puck::{Group, Node, PuckProperty, mode, role, status};
@@ -60,16 +60,16 @@ pub(super) struct PuckUnits {
 
 /// The source of the arm's position.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Attempt {
+pub(super) enum Attempt<const N: usize> {
     /// The driver starts: the position is that of a confirmed home pose, or of pucks that were told before.
     First {
         /// The last known position, of an earlier driver.
-        known: Option<PositionRecord>,
+        known: Option<PositionRecord<N>>,
     },
     /// The pucks have kept the position, which is compared with the last known one.
     Reconnect {
         /// The position when the arm was lost.
-        known: PositionRecord,
+        known: PositionRecord<N>,
     },
     /// A person says that the arm is folded at home now.
     HomeConfirmed,
@@ -80,12 +80,12 @@ pub(super) enum Attempt {
 /// At the first attempt and after a confirmation the pucks are told where they are. After a loss they must know, and the
 /// driver never tells the safety module that they do. The safety module is commanded to brake, except at the first
 /// attempt, so that nothing moves until the pendant is pressed.
-pub(super) fn connect(
+pub(super) fn connect<const N: usize>(
     open: &mut OpenBus,
-    model: &WamModel<AXES>,
-    options: &CanOptions,
-    attempt: Attempt,
-) -> Result<(ControlCycle, PositionRecord), CanError> {
+    model: &WamModel<N>,
+    options: &CanOptions<N>,
+    attempt: Attempt<N>,
+) -> Result<(ControlCycle<N>, PositionRecord<N>), CanError> {
     let bus = open().at_step(CanStep::Open)?;
     let mut bus = PuckBus::new(bus, options.property_timeout);
     if !matches!(attempt, Attempt::First { .. }) {
@@ -94,14 +94,14 @@ pub(super) fn connect(
         bus.set_property(Node::SAFETY, PuckProperty::MODE, mode::SAFETY_IDLE)
             .at_step(CanStep::Find)?;
     }
-    let asleep = find(&mut bus, options.scan_interval)?;
+    let asleep = find::<N>(&mut bus, options.scan_interval)?;
     if matches!(attempt, Attempt::Reconnect { .. })
         && let Some(&node) = asleep.iter().find(|&&node| node != Node::SAFETY)
     {
         return Err(CanErrorKind::PositionLost { node }).at_step(CanStep::Wake);
     }
     wake(&mut bus, &asleep, options).at_step(CanStep::Wake)?;
-    identify(&mut bus).at_step(CanStep::Identify)?;
+    identify::<N>(&mut bus).at_step(CanStep::Identify)?;
     let units = read_units(&mut bus, model).at_step(CanStep::Units)?;
     set_limits(&mut bus, options).at_step(CanStep::Limits)?;
     zero(&mut bus, model, options, attempt, !asleep.is_empty()).at_step(CanStep::Zero)?;
@@ -114,12 +114,12 @@ pub(super) fn connect(
 }
 
 /// All nodes that the arm needs.
-fn arm() -> impl Iterator<Item = Node> {
-    (0..AXES).map(Node::of_motor).chain([Node::SAFETY])
+fn arm<const N: usize>() -> impl Iterator<Item = Node> {
+    (0..N).map(Node::of_motor).chain([Node::SAFETY])
 }
 
 /// Asks every node whether it is there; answers which of the arm's are asleep.
-fn find(bus: &mut PuckBus, time: Duration) -> Result<Vec<Node>, CanError> {
+fn find<const N: usize>(bus: &mut PuckBus, time: Duration) -> Result<Vec<Node>, CanError> {
     let mut states = [None; 32];
     for number in 1..32 {
         let Some(node) = Node::new(number) else {
@@ -133,8 +133,20 @@ fn find(bus: &mut PuckBus, time: Duration) -> Result<Vec<Node>, CanError> {
             debug!(%node, state, "on the bus");
         }
     }
+    // An arm whose wrist nobody controls or compensates for would swing.
+    for node in (N..AXES).map(Node::of_motor) {
+        let joints = N;
+        // A slow adapter answers after the scan.
+        match bus.get_property(node, PuckProperty::STAT) {
+            Err(CanErrorKind::Silent { .. }) => {}
+            Ok(_) => {
+                return Err(CanErrorKind::UnexpectedMotor { node, joints }).at_step(CanStep::Find);
+            }
+            Err(error) => return Err(error).at_step(CanStep::Find),
+        }
+    }
     let mut asleep = Vec::new();
-    for node in arm() {
+    for node in arm::<N>() {
         let state = match states[usize::from(node.number())] {
             Some(state) => state,
             None => match bus.get_property(node, PuckProperty::STAT) {
@@ -159,7 +171,11 @@ fn find(bus: &mut PuckBus, time: Duration) -> Result<Vec<Node>, CanError> {
 /// Wakes pucks, waits a second, and asks each until it is awake, all of them within the timeout for waking.
 ///
 /// Time is counted in queries, so that it is the time of the bus.
-fn wake(bus: &mut PuckBus, asleep: &[Node], options: &CanOptions) -> Result<(), CanErrorKind> {
+fn wake<const N: usize>(
+    bus: &mut PuckBus,
+    asleep: &[Node],
+    options: &CanOptions<N>,
+) -> Result<(), CanErrorKind> {
     if asleep.is_empty() {
         return Ok(());
     }
@@ -192,8 +208,8 @@ fn wake(bus: &mut PuckBus, asleep: &[Node], options: &CanOptions) -> Result<(), 
     Ok(())
 }
 
-fn identify(bus: &mut PuckBus) -> Result<(), CanErrorKind> {
-    for node in arm() {
+fn identify<const N: usize>(bus: &mut PuckBus) -> Result<(), CanErrorKind> {
+    for node in arm::<N>() {
         let version = bus.get_property(node, PuckProperty::VERS)?;
         if version < MIN_FIRMWARE_VERSION {
             let expected = format!("a firmware of {MIN_FIRMWARE_VERSION} or newer");
@@ -211,10 +227,13 @@ fn identify(bus: &mut PuckBus) -> Result<(), CanErrorKind> {
     Ok(())
 }
 
-fn read_units(bus: &mut PuckBus, model: &WamModel<AXES>) -> Result<Vec<PuckUnits>, CanErrorKind> {
+fn read_units<const N: usize>(
+    bus: &mut PuckBus,
+    model: &WamModel<N>,
+) -> Result<Vec<PuckUnits>, CanErrorKind> {
     let turn = model.transmission.counts_per_turn();
     let mut units: Vec<PuckUnits> = Vec::new();
-    for node in (0..AXES).map(Node::of_motor) {
+    for node in (0..N).map(Node::of_motor) {
         let counts = bus.get_property(node, PuckProperty::CTS)?;
         if u32::try_from(counts) != Ok(turn) {
             let expected = format!("{turn} counts per turn as in the model");
@@ -240,7 +259,7 @@ fn read_units(bus: &mut PuckBus, model: &WamModel<AXES>) -> Result<Vec<PuckUnits
                 }
             },
             group: group(bus, node, PuckProperty::GRPC)?,
-            temperature_limit: PuckHealth::limit(ask_once(bus, node, PuckProperty::OTEMP)?),
+            temperature_limit: puck_limit(ask_once(bus, node, PuckProperty::OTEMP)?),
         };
         let same_slot = |other: &PuckUnits| {
             (other.torque_group, other.slot) == (found.torque_group, found.slot)
@@ -282,7 +301,7 @@ fn group(bus: &mut PuckBus, node: Node, property: PuckProperty) -> Result<Group,
 }
 
 /// Returns the limits of the safety module, in its units.
-pub(super) fn limits_in_units(options: &CanOptions) -> [(PuckProperty, i32); 4] {
+pub(super) fn limits_in_units<const N: usize>(options: &CanOptions<N>) -> [(PuckProperty, i32); 4] {
     let limits = options.limits;
     [
         (PuckProperty::VL1, limits.velocity_warning * VELOCITY_UNITS),
@@ -293,7 +312,10 @@ pub(super) fn limits_in_units(options: &CanOptions) -> [(PuckProperty, i32); 4] 
     .map(|(property, value)| (property, value.clamp(0.0, MAX_PROPERTY_VALUE) as i32))
 }
 
-fn set_limits(bus: &mut PuckBus, options: &CanOptions) -> Result<(), CanErrorKind> {
+fn set_limits<const N: usize>(
+    bus: &mut PuckBus,
+    options: &CanOptions<N>,
+) -> Result<(), CanErrorKind> {
     for (property, value) in limits_in_units(options) {
         bus.set_property(Node::SAFETY, property, value)?;
         bus.discard_for(CONFIGURATION_INTERVAL)?;
@@ -307,11 +329,11 @@ fn set_limits(bus: &mut PuckBus, options: &CanOptions) -> Result<(), CanErrorKin
 }
 
 /// Tells the pucks where they are, unless they know, and only when somebody has confirmed where that is.
-fn zero(
+fn zero<const N: usize>(
     bus: &mut PuckBus,
-    model: &WamModel<AXES>,
-    options: &CanOptions,
-    attempt: Attempt,
+    model: &WamModel<N>,
+    options: &CanOptions<N>,
+    attempt: Attempt<N>,
     restarted: bool,
 ) -> Result<(), CanErrorKind> {
     let zeroed = bus.get_property(Node::SAFETY, PuckProperty::ZERO)? != 0;
@@ -338,7 +360,7 @@ fn zero(
         return Err(CanErrorKind::Active);
     }
     // Rotors seem to jump while their positions are written.
-    bus.set_property(Node::SAFETY, PuckProperty::IFAULT, AXES as i32 + 1)?;
+    bus.set_property(Node::SAFETY, PuckProperty::IFAULT, N as i32 + 1)?;
     bus.discard_for(CONFIGURATION_INTERVAL)?;
     let turn = model.transmission.counts_per_turn() as i32;
     let home = model.transmission.counts(&model.home);
@@ -358,9 +380,12 @@ fn zero(
 }
 
 /// Returns whether all rotors are within their first turn, as after a power-up from which pucks woke by themselves.
-fn look_restarted(bus: &mut PuckBus, model: &WamModel<AXES>) -> Result<bool, CanErrorKind> {
+fn look_restarted<const N: usize>(
+    bus: &mut PuckBus,
+    model: &WamModel<N>,
+) -> Result<bool, CanErrorKind> {
     let turn = model.transmission.counts_per_turn() as i32;
-    for motor in 0..AXES {
+    for motor in 0..N {
         if !(0..turn).contains(&bus.get_position(Node::of_motor(motor))?) {
             return Ok(false);
         }
@@ -372,23 +397,23 @@ fn look_restarted(bus: &mut PuckBus, model: &WamModel<AXES>) -> Result<bool, Can
 ///
 /// A puck that restarted is within its first turn, wherever it was before. The arm may have sunk or have been led
 /// meanwhile; more than [`MAX_UNSEEN_MOTION`] is not believed.
-pub(super) fn compare(
+pub(super) fn compare<const N: usize>(
     bus: &mut PuckBus,
-    model: &WamModel<AXES>,
-    record: &PositionRecord,
+    model: &WamModel<N>,
+    record: &PositionRecord<N>,
 ) -> Result<(), CanErrorKind> {
     let turn = model.transmission.counts_per_turn() as i32;
     let known = &record.counts;
-    let mut now = [0; AXES];
+    let mut now = [0; N];
     for (motor, slot) in now.iter_mut().enumerate() {
         *slot = bus.get_position(Node::of_motor(motor))?;
     }
     let moved = model.transmission.joints(&now) - model.transmission.joints(known);
-    for motor in 0..AXES {
+    for motor in 0..N {
         let far = now[motor].abs_diff(known[motor]) >= turn.unsigned_abs() / 2;
         let restarted = far && (0..turn).contains(&now[motor]);
         let turns = |joint: usize| model.transmission.turns(motor, joint);
-        let mut joints = (0..AXES).filter(|&joint| turns(joint));
+        let mut joints = (0..N).filter(|&joint| turns(joint));
         if restarted || joints.any(|joint| moved[joint].abs() > MAX_UNSEEN_MOTION) {
             return Err(CanErrorKind::CountsChanged {
                 node: Node::of_motor(motor),
@@ -410,12 +435,12 @@ pub(super) fn compare(
 }
 
 /// Returns the position of each puck minus the absolute angle of its rotor, within a turn.
-fn read_origins(
+fn read_origins<const N: usize>(
     bus: &mut PuckBus,
-    model: &WamModel<AXES>,
-) -> Result<[Option<i32>; AXES], CanErrorKind> {
+    model: &WamModel<N>,
+) -> Result<[Option<i32>; N], CanErrorKind> {
     let turn = model.transmission.counts_per_turn() as i32;
-    let mut origins = [None; AXES];
+    let mut origins = [None; N];
     for (motor, origin) in origins.iter_mut().enumerate() {
         let node = Node::of_motor(motor);
         if has_absolute_encoder(bus, node)? {
@@ -428,9 +453,9 @@ fn read_origins(
 }
 
 /// Checks that pucks which know their positions are at home, as somebody confirmed.
-fn check_home(bus: &mut PuckBus, model: &WamModel<AXES>) -> Result<(), CanErrorKind> {
+fn check_home<const N: usize>(bus: &mut PuckBus, model: &WamModel<N>) -> Result<(), CanErrorKind> {
     let away = model.transmission.joints(&locate(bus, model)?) - model.home;
-    match (0..AXES).find(|&joint| away[joint].abs() > HOME_TOLERANCE) {
+    match (0..N).find(|&joint| away[joint].abs() > HOME_TOLERANCE) {
         Some(joint) => Err(CanErrorKind::HomeContradicted {
             joint,
             degrees: away[joint].to_degrees(),
@@ -440,11 +465,11 @@ fn check_home(bus: &mut PuckBus, model: &WamModel<AXES>) -> Result<(), CanErrorK
 }
 
 /// Returns the value of `MECH` of each puck at home, where it is known.
-fn marks(model: &WamModel<AXES>, options: &CanOptions) -> [Option<i32>; AXES] {
+fn marks<const N: usize>(model: &WamModel<N>, options: &CanOptions<N>) -> [Option<i32>; N] {
     match (&options.home_marks, &options.zero_angles) {
         (Some(marks), _) => marks.map(Some),
         (None, Some(zero_angles)) => marks_at_home(zero_angles, model),
-        (None, None) => [None; AXES],
+        (None, None) => [None; N],
     }
 }
 
@@ -500,8 +525,11 @@ fn declare_zeroed(bus: &mut PuckBus) -> Result<(), CanErrorKind> {
 }
 
 /// Reads the positions of all motors; they must be plausible for the joints.
-fn locate(bus: &mut PuckBus, model: &WamModel<AXES>) -> Result<[i32; AXES], CanErrorKind> {
-    let mut counts = [0; AXES];
+fn locate<const N: usize>(
+    bus: &mut PuckBus,
+    model: &WamModel<N>,
+) -> Result<[i32; N], CanErrorKind> {
+    let mut counts = [0; N];
     for (motor, slot) in counts.iter_mut().enumerate() {
         *slot = bus.get_position(Node::of_motor(motor))?;
     }

@@ -4,7 +4,10 @@ use std::fmt;
 
 use crate::can::BusError;
 use crate::can::puck::{Node, PuckProperty};
-use crate::wam::ArmError;
+use crate::wam::{AXES, ArmError};
+
+/// First motor of the wrist, counted from 0.
+const WRIST: usize = 4;
 
 /// The step of the driver.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
@@ -69,6 +72,14 @@ pub enum CanErrorKind {
     Silent {
         /// The node.
         node: Node,
+    },
+    /// A motor's puck is on the bus that an arm with so many joints does not have.
+    #[error("{node} is on the bus, but the arm is configured to have {joints} joints")]
+    UnexpectedMotor {
+        /// The node.
+        node: Node,
+        /// The configured number of joints.
+        joints: usize,
     },
     /// A node returns a value that the driver does not support.
     #[error("{node} has {got} as {property}, expected {expected}")]
@@ -169,8 +180,17 @@ impl CanErrorKind {
             Self::Silent { node: Node::SAFETY } => {
                 "the power of the arm, the cable, and the pendant's connection".to_owned()
             }
+            Self::Silent { node } if node.motor(AXES).is_some_and(|motor| motor >= WRIST) => {
+                format!(
+                    "the power of the arm, and the cable at {node} and before it; an arm without a wrist needs `joints 4` \
+                     (`--joints 4`)"
+                )
+            }
             Self::Silent { node } => {
                 format!("the power of the arm, and the cable at {node} and before it")
+            }
+            Self::UnexpectedMotor { .. } => {
+                "the number of joints of the arm (`joints 7`, `--joints 7`)".to_owned()
             }
             Self::Unexpected { node, .. } => {
                 format!("the firmware and configuration of {node}, and the model of the arm")

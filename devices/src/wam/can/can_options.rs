@@ -10,7 +10,7 @@ use crate::wam::AXES;
 
 /// Options of an arm on CAN.
 #[derive(Clone, Debug, PartialEq)]
-pub struct CanOptions {
+pub struct CanOptions<const N: usize = AXES> {
     /// From one torque to the next; 2 ms or less.
     pub period: Duration,
     /// Timeout of the positions of a period; later replies are ignored. Seven of them take 0.6 ms on the wire.
@@ -29,10 +29,10 @@ pub struct CanOptions {
     /// may be folded by hand to within half a turn of its rotors. Without it, the folded pose is assumed to be exact.
     /// Marks refine a confirmed home pose and do not replace the confirmation: a rotor has the same angle once per turn.
     /// Ignored for pucks without an absolute encoder or with firmware older than 118.
-    pub home_marks: Option<[i32; AXES]>,
+    pub home_marks: Option<[i32; N]>,
     /// Angles of the rotors with the joints at zero, rad: `zeroangle` of libbarrett's `zerocal.conf`, see
     /// [`ZeroCalibration`](super::ZeroCalibration). [`home_marks`](Self::home_marks) take precedence.
-    pub zero_angles: Option<[f64; AXES]>,
+    pub zero_angles: Option<[f64; N]>,
     /// File for the last known position. With it, a driver that starts again believes pucks that have kept their power
     /// and their positions, without a confirmation; without it, each start needs one.
     pub position_file: Option<PathBuf>,
@@ -50,7 +50,7 @@ pub struct CanOptions {
 }
 
 /// 500 Hz as libbarrett, and the limits that the safety module has at power-up.
-impl Default for CanOptions {
+impl<const N: usize> Default for CanOptions<N> {
     fn default() -> Self {
         Self {
             period: Duration::from_millis(2),

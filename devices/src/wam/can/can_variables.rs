@@ -7,7 +7,6 @@
 use super::property_request::run;
 use super::{CanOptions, CanWam};
 use crate::can::puck::{Node, PuckProperty};
-use crate::wam::AXES;
 use crate::wam::arm_variables::{no_variable, numbers};
 use crate::wam::can::arm_startup::limits_in_units;
 use crate::{DeviceError, VariableValue};
@@ -61,7 +60,10 @@ fn named(
     table.iter().find(|(known, _)| *known == name).copied()
 }
 
-pub(super) fn variable(device: &CanWam, name: &str) -> Result<Vec<VariableValue>, DeviceError> {
+pub(super) fn variable<const N: usize>(
+    device: &CanWam<N>,
+    name: &str,
+) -> Result<Vec<VariableValue>, DeviceError> {
     if name == STATUS {
         return Ok(vec![VariableValue::Text(device.status().to_string())]);
     }
@@ -87,7 +89,7 @@ pub(super) fn variable(device: &CanWam, name: &str) -> Result<Vec<VariableValue>
     }
     if let Some((_, property)) = named(&MOTOR, name) {
         let one = |motor| run(device, Node::of_motor(motor), property, None).map(whole);
-        return (0..AXES).map(one).collect();
+        return (0..N).map(one).collect();
     }
     let Some((_, property)) = named(&SAFETY, name) else {
         return no_variable(name);
@@ -95,9 +97,9 @@ pub(super) fn variable(device: &CanWam, name: &str) -> Result<Vec<VariableValue>
     Ok(vec![whole(run(device, Node::SAFETY, property, None)?)])
 }
 
-pub(super) fn set_variable(
-    device: &CanWam,
-    options: &CanOptions,
+pub(super) fn set_variable<const N: usize>(
+    device: &CanWam<N>,
+    options: &CanOptions<N>,
     name: &str,
     value: &[VariableValue],
 ) -> Result<(), DeviceError> {
@@ -107,7 +109,7 @@ pub(super) fn set_variable(
     }
     if name == ZERO_ANGLES {
         // Values out of range exclude a motor.
-        let angles = numbers(ZERO_ANGLES, value, [(-1e3, 1e3); AXES])?;
+        let angles = numbers(ZERO_ANGLES, value, [(-1e3, 1e3); N])?;
         device.with(|arm| arm.set_zero_angles(angles));
         return Ok(());
     }

@@ -19,7 +19,7 @@ use crate::can::puck::{Node, Pendant, PuckProperty};
 use crate::can::{BusError, CanBus};
 use crate::periodic_timer::{DelayHistogram, MissedCycles, PeriodicTimer};
 use crate::simulation::SafetyMode;
-use crate::wam::arm_device::{ArmDevice, ControlledArm, Shared};
+use crate::wam::arm_device::{ArmDevice, ControlledArm, Shared, count_word};
 use crate::wam::{AXES, ArmControl, ArmError, WamModel};
 use crate::{AxisIndex, DeviceError, VariableValue};
 
@@ -37,7 +37,7 @@ pub(super) const PEER: &str = "the arm on the CAN bus";
 /// Opens the bus, at the start and after it failed.
 pub type OpenBus = Box<dyn FnMut() -> Result<Box<dyn CanBus>, BusError> + Send>;
 
-/// A seven-joint WAM arm on its CAN bus.
+/// A WAM arm with `N` joints on its CAN bus.
 ///
 /// * It must be folded in its home pose when the pucks have been switched on and the driver starts, and somebody must
 ///   say so: [`CanOptions::home_confirmed`] or [`confirm_home`](Self::confirm_home). Pucks whose positions have been set
@@ -65,16 +65,16 @@ pub type OpenBus = Box<dyn FnMut() -> Result<Box<dyn CanBus>, BusError> + Send>;
 /// # #[cfg(not(target_os = "linux"))]
 /// # fn main() {}
 /// ```
-pub type CanWam = ArmDevice<CanArm>;
+pub type CanWam<const N: usize = AXES> = ArmDevice<CanArm<N>, N>;
 
 /// Control of an arm on a bus, and its state.
 #[derive(Clone, Debug)]
-pub struct CanArm {
-    control: ArmControl,
-    status: CanStatus,
-    options: CanOptions,
+pub struct CanArm<const N: usize = AXES> {
+    control: ArmControl<N>,
+    status: CanStatus<N>,
+    options: CanOptions<N>,
     /// Origins of the pucks' positions, as last known.
-    origins: [Option<i32>; AXES],
+    origins: [Option<i32>; N],
     /// True once the position has been known: counts of before mean nothing.
     located: bool,
     /// Pending queries of callers to pucks.
@@ -86,8 +86,8 @@ pub struct CanArm {
 }
 
 /// State of the connection between driver and arm.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct CanStatus {
+#[derive(Clone, Debug, PartialEq)]
+pub struct CanStatus<const N: usize = AXES> {
     /// True if control runs, with the arm active or not.
     pub connected: bool,
     /// Mode that the safety module allows; `None` before its first reply.
@@ -114,13 +114,34 @@ pub struct CanStatus {
     /// Number of positions that did not arrive in time since then.
     pub missed_replies: u64,
     /// Last temperatures of the pucks, °C: queried one after the other, some times a second.
-    pub temperatures: [Option<i32>; AXES],
+    pub temperatures: [Option<i32>; N],
     /// The reason why every joint holds and commands are refused although the arm is active: a puck is too hot.
     pub held: Option<String>,
 }
 
+impl<const N: usize> Default for CanStatus<N> {
+    fn default() -> Self {
+        Self {
+            connected: false,
+            safety: None,
+            pendant: None,
+            last_error: None,
+            loss: None,
+            position_lost: None,
+            connections: 0,
+            periods: 0,
+            late_periods: 0,
+            delays: DelayHistogram::default(),
+            scheduling: String::new(),
+            missed_replies: 0,
+            temperatures: [None; N],
+            held: None,
+        }
+    }
+}
+
 /// In words, for people.
-impl fmt::Display for CanStatus {
+impl<const N: usize> fmt::Display for CanStatus<N> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match (&self.last_error, self.safety) {
             (Some(error), _) if !self.connected => {
@@ -155,14 +176,16 @@ impl fmt::Display for CanStatus {
     }
 }
 
-impl ControlledArm for CanArm {
-    const DESCRIPTION: &'static str = "a seven-joint WAM arm on its CAN bus";
+impl<const N: usize> ControlledArm<N> for CanArm<N> {
+    fn description() -> String {
+        format!("a {}-joint WAM arm on its CAN bus", count_word(N))
+    }
 
-    fn control(&self) -> &ArmControl {
+    fn control(&self) -> &ArmControl<N> {
         &self.control
     }
 
-    fn control_mut(&mut self) -> &mut ArmControl {
+    fn control_mut(&mut self) -> &mut ArmControl<N> {
         &mut self.control
     }
 
@@ -178,9 +201,9 @@ impl ControlledArm for CanArm {
     }
 
     /// Errors: [`DeviceError::Remote`], [`DeviceError::NoDataYet`] in the first second.
-    fn temperatures(&self) -> Result<[f64; AXES], DeviceError> {
+    fn temperatures(&self) -> Result<[f64; N], DeviceError> {
         self.control.reachable()?;
-        let mut known = [0.0; AXES];
+        let mut known = [0.0; N];
         for (known, measured) in known.iter_mut().zip(self.status.temperatures) {
             let what = "temperature";
             *known = f64::from(measured.ok_or(DeviceError::NoDataYet { what })?);
@@ -189,7 +212,7 @@ impl ControlledArm for CanArm {
     }
 
     fn puck_property(
-        device: &ArmDevice<Self>,
+        device: &ArmDevice<Self, N>,
         motor: AxisIndex,
         property: PuckProperty,
     ) -> Result<i32, DeviceError> {
@@ -200,12 +223,15 @@ impl ControlledArm for CanArm {
         can_variables::names().collect()
     }
 
-    fn variable(device: &ArmDevice<Self>, name: &str) -> Result<Vec<VariableValue>, DeviceError> {
+    fn variable(
+        device: &ArmDevice<Self, N>,
+        name: &str,
+    ) -> Result<Vec<VariableValue>, DeviceError> {
         can_variables::variable(device, name)
     }
 
     fn set_variable(
-        device: &ArmDevice<Self>,
+        device: &ArmDevice<Self, N>,
         name: &str,
         value: &[VariableValue],
     ) -> Result<(), DeviceError> {
@@ -214,8 +240,8 @@ impl ControlledArm for CanArm {
     }
 }
 
-impl CanArm {
-    fn connected(&mut self, link: &ControlCycle, position: &PositionRecord) {
+impl<const N: usize> CanArm<N> {
+    fn connected(&mut self, link: &ControlCycle<N>, position: &PositionRecord<N>) {
         let counts = position.counts;
         self.origins = position.origins;
         self.located = true;
@@ -255,7 +281,7 @@ impl CanArm {
     }
 
     /// Returns the next attempt to connect, and where its result goes; `None` while the arm waits for a person.
-    fn next_attempt(&mut self) -> Option<(Attempt, Option<StartOutcome>)> {
+    fn next_attempt(&mut self) -> Option<(Attempt<N>, Option<StartOutcome>)> {
         if let Some(answer) = self.confirmation.take() {
             return Some((Attempt::HomeConfirmed, Some(answer)));
         }
@@ -264,7 +290,7 @@ impl CanArm {
     }
 
     /// Returns the last known position; `None` once it is lost.
-    pub(super) fn known_position(&self) -> Option<PositionRecord> {
+    pub(super) fn known_position(&self) -> Option<PositionRecord<N>> {
         (self.located && self.status.position_lost.is_none()).then(|| PositionRecord {
             counts: self.control.motor_counts(),
             origins: self.origins,
@@ -272,12 +298,12 @@ impl CanArm {
     }
 
     /// Returns the angles of the rotors with the joints at zero, rad.
-    pub(super) fn zero_angles(&self) -> Option<[f64; AXES]> {
+    pub(super) fn zero_angles(&self) -> Option<[f64; N]> {
         self.options.zero_angles
     }
 
     /// Sets them, for the next confirmation of the home pose.
-    pub(super) fn set_zero_angles(&mut self, angles: [f64; AXES]) {
+    pub(super) fn set_zero_angles(&mut self, angles: [f64; N]) {
         self.options.zero_angles = Some(angles);
     }
 
@@ -292,7 +318,7 @@ impl CanArm {
     }
 
     /// Stops the joints and refuses commands while a puck is too hot, and has the arm braked when it is much too hot.
-    fn follow_health(&mut self, link: &ControlCycle) {
+    fn follow_health(&mut self, link: &ControlCycle<N>) {
         let health = link.health();
         if health.is_too_hot() != self.status.held.is_some() {
             self.status.held = health.too_hot();
@@ -309,11 +335,7 @@ impl CanArm {
     }
 
     /// From counts to torques, Nm.
-    fn period(
-        &mut self,
-        link: &ControlCycle,
-        counts: [i32; AXES],
-    ) -> crate::kinematics::Joints<AXES> {
+    fn period(&mut self, link: &ControlCycle<N>, counts: [i32; N]) -> crate::kinematics::Joints<N> {
         let active = link.safety() == Some(SafetyMode::Active);
         self.control.take_counts(counts);
         if active && !self.control.is_ready() {
@@ -335,7 +357,7 @@ impl CanArm {
     }
 }
 
-impl ArmDevice<CanArm> {
+impl CanWam {
     /// Connects Barrett's arm on an interface of the kernel, like `can0`, which is up at 1 Mbit/s.
     ///
     /// Blocks until the arm is found, a second or so. Errors: as [`start`](Self::start).
@@ -343,13 +365,15 @@ impl ArmDevice<CanArm> {
     pub fn on_interface(interface: &str, options: CanOptions) -> Result<Self, DeviceError> {
         Self::on_interface_with(WamModel::<AXES>::new(), interface, options)
     }
+}
 
+impl<const N: usize> CanWam<N> {
     /// Connects an arm of this model on an interface of the kernel; as [`on_interface`](Self::on_interface).
     #[cfg(target_os = "linux")]
     pub fn on_interface_with(
-        model: WamModel<AXES>,
+        model: WamModel<N>,
         interface: &str,
-        options: CanOptions,
+        options: CanOptions<N>,
     ) -> Result<Self, DeviceError> {
         let interface = interface.to_owned();
         let open = move || {
@@ -364,8 +388,8 @@ impl ArmDevice<CanArm> {
     /// Blocks until the arm is found, a second or so. Errors: [`DeviceError::Remote`] with the step that failed,
     /// [`DeviceError::Start`] when the machine has no thread left.
     pub fn start(
-        model: WamModel<AXES>,
-        options: CanOptions,
+        model: WamModel<N>,
+        options: CanOptions<N>,
         mut open: OpenBus,
     ) -> Result<Self, DeviceError> {
         let known = options.position_file.as_deref();
@@ -381,7 +405,7 @@ impl ArmDevice<CanArm> {
             control: ArmControl::new(model, options.period, counts),
             status: CanStatus::default(),
             options: options.clone(),
-            origins: [None; AXES],
+            origins: [None; N],
             located: false,
             property_requests: VecDeque::new(),
             confirmation: None,
@@ -450,7 +474,7 @@ impl ArmDevice<CanArm> {
     }
 
     /// Returns the state of the connection.
-    pub fn status(&self) -> CanStatus {
+    pub fn status(&self) -> CanStatus<N> {
         self.with(|arm| arm.status.clone())
     }
 }
@@ -467,11 +491,11 @@ fn waits_for_person(error: &CanErrorKind) -> bool {
 }
 
 /// Drives the arm, and reconnects after a loss, until stopped. Once the position is lost, a person has to confirm it.
-fn run(
-    shared: &Shared<CanArm>,
-    mut link: Option<ControlCycle>,
+fn run<const N: usize>(
+    shared: &Shared<CanArm<N>>,
+    mut link: Option<ControlCycle<N>>,
     mut open: OpenBus,
-    options: &CanOptions,
+    options: &CanOptions<N>,
 ) {
     let model = shared.lock().arm.control.model().clone();
     while !shared.is_ending() {
@@ -518,7 +542,7 @@ fn run(
 }
 
 /// Waits for the next attempt: until stopped, until somebody confirms the home pose, or for this long.
-fn wait(shared: &Shared<CanArm>, time: Duration) {
+fn wait<const N: usize>(shared: &Shared<CanArm<N>>, time: Duration) {
     let again = Instant::now() + time;
     while !shared.is_ending() && shared.lock().arm.confirmation.is_none() {
         let left = again.saturating_duration_since(Instant::now());
@@ -530,11 +554,11 @@ fn wait(shared: &Shared<CanArm>, time: Duration) {
 }
 
 /// Runs control periods until stopped, or until a step fails.
-fn drive(
-    shared: &Shared<CanArm>,
-    link: &mut ControlCycle,
-    model: &WamModel<AXES>,
-    options: &CanOptions,
+fn drive<const N: usize>(
+    shared: &Shared<CanArm<N>>,
+    link: &mut ControlCycle<N>,
+    model: &WamModel<N>,
+    options: &CanOptions<N>,
 ) -> Result<(), CanError> {
     let mut timer = PeriodicTimer::new(Instant::now(), options.period, MissedCycles::CatchUp);
     while timer.wait(|| shared.is_ending()) {

@@ -8,7 +8,7 @@ use super::arm_startup::{PuckUnits, compare};
 use super::can_error::AtStep;
 use super::property_request::PropertyRequest;
 use super::puck_bus::{MAX_FRAMES_PER_REPLY, PuckBus};
-use super::puck_health::PuckHealth;
+use super::puck_health::{PuckHealth, puck_limit};
 use super::{CanError, CanErrorKind, CanOptions, CanStep, PositionRecord};
 use crate::can::BusError;
 use crate::can::puck::{Group, Node, Pendant, PuckMessage, PuckProperty, mode};
@@ -20,7 +20,7 @@ use crate::wam::{AXES, Motor, WamModel};
 const SAFETY_POLL_PERIODS: u64 = 10;
 const MAX_UNANSWERED_POLLS: u32 = 10;
 /// Number of periods between queries for the health of one of the pucks, and while a value waits for its confirmation:
-/// each of three properties of seven pucks twice a second.
+/// each of three properties of seven pucks twice a second, of four more often.
 const HEALTH_POLL_PERIODS: u64 = 10;
 const CONFIRMATION_POLL_PERIODS: u64 = 5;
 /// Maximum plausible change of a rotor's position in a period: a turn divided by this (btclient).
@@ -32,22 +32,22 @@ const MAX_STALL: Duration = Duration::from_millis(400);
 const MAX_TORQUE_UNITS: f64 = 8191.0;
 
 /// An arm that is ready for control.
-pub(super) struct ControlCycle {
+pub(super) struct ControlCycle<const N: usize> {
     bus: PuckBus,
     units: Vec<PuckUnits>,
     /// Groups in which positions are queried, each once.
     groups: Vec<Group>,
     /// Groups of torque frames, each once.
     torque_groups: Vec<Group>,
-    options: CanOptions,
+    options: CanOptions<N>,
     counts_per_turn: f64,
-    counts: [i32; AXES],
-    missed: [u32; AXES],
+    counts: [i32; N],
+    missed: [u32; N],
     /// Time of each accepted position.
-    seen: [Instant; AXES],
-    model: WamModel<AXES>,
+    seen: [Instant; N],
+    model: WamModel<N>,
     /// Origins of the pucks' positions when the connection was made.
-    origins: [Option<i32>; AXES],
+    origins: [Option<i32>; N],
     /// Start of the last control period.
     last_cycle: Option<Instant>,
     cycles: u64,
@@ -57,18 +57,18 @@ pub(super) struct ControlCycle {
     missed_replies: u64,
     /// The query of a caller, and its deadline.
     property_request: Option<(PropertyRequest, Instant)>,
-    health: PuckHealth,
+    health: PuckHealth<N>,
     /// The error of a puck that was found while frames were read.
     unhealthy: Option<CanErrorKind>,
 }
 
-impl ControlCycle {
+impl<const N: usize> ControlCycle<N> {
     pub(super) fn new(
         bus: PuckBus,
         units: Vec<PuckUnits>,
-        model: &WamModel<AXES>,
-        options: &CanOptions,
-        position: &PositionRecord,
+        model: &WamModel<N>,
+        options: &CanOptions<N>,
+        position: &PositionRecord<N>,
     ) -> Self {
         let counts = position.counts;
         let limit = |motor: usize| {
@@ -76,7 +76,7 @@ impl ControlCycle {
                 .get(motor)
                 .map(|unit: &PuckUnits| unit.temperature_limit)
         };
-        let limits = std::array::from_fn(|motor| PuckHealth::limit(limit(motor)));
+        let limits = std::array::from_fn(|motor| puck_limit(limit(motor)));
         Self {
             bus,
             model: model.clone(),
@@ -89,8 +89,8 @@ impl ControlCycle {
             options: options.clone(),
             counts_per_turn: f64::from(model.transmission.counts_per_turn()),
             counts,
-            missed: [0; AXES],
-            seen: [Instant::now(); AXES],
+            missed: [0; N],
+            seen: [Instant::now(); N],
             last_cycle: None,
             cycles: 0,
             unanswered: 0,
@@ -125,17 +125,17 @@ impl ControlCycle {
     }
 
     /// Returns the temperatures of the pucks, °C; `None` before the first reply.
-    pub(super) fn temperatures(&self) -> [Option<i32>; AXES] {
+    pub(super) fn temperatures(&self) -> [Option<i32>; N] {
         self.health.temperatures()
     }
 
     /// Returns the health of the pucks.
-    pub(super) fn health(&self) -> &PuckHealth {
+    pub(super) fn health(&self) -> &PuckHealth<N> {
         &self.health
     }
 
     /// Returns the motors as the pucks describe them, in place of the model's.
-    pub(super) fn motors(&self, model: &WamModel<AXES>) -> [Motor; AXES] {
+    pub(super) fn motors(&self, model: &WamModel<N>) -> [Motor; N] {
         let mut motors = model.motors;
         for (motor, units) in motors.iter_mut().zip(&self.units) {
             motor.units_per_newton_metre = units.per_newton_metre;
@@ -160,7 +160,7 @@ impl ControlCycle {
     }
 
     /// Queries the positions of all pucks and waits for them; a missing one counts as unchanged.
-    pub(super) fn positions(&mut self) -> Result<[i32; AXES], CanError> {
+    pub(super) fn positions(&mut self) -> Result<[i32; N], CanError> {
         let now = Instant::now();
         let last = self.last_cycle.replace(now).unwrap_or(now);
         if now.saturating_duration_since(last) > MAX_STALL {
@@ -179,7 +179,7 @@ impl ControlCycle {
             self.bus.send(group, question).at_step(CanStep::Positions)?;
         }
         let deadline = start + self.options.reply_timeout;
-        let mut come = [false; AXES];
+        let mut come = [false; N];
         let mut left = MAX_FRAMES_PER_REPLY;
         while !come.iter().all(|&come| come) {
             let heard = self.bus.receive_message(deadline, &mut left);
@@ -188,7 +188,7 @@ impl ControlCycle {
             };
             self.note(from, message);
             if let PuckMessage::Position { motor: counts, .. } = message
-                && let Some(motor) = from.motor(AXES)
+                && let Some(motor) = from.motor(N)
                 && self.is_believable(motor, counts, start)
             {
                 come[motor] = true;
@@ -260,6 +260,9 @@ impl ControlCycle {
 
     /// Records messages of the safety module and of other nodes.
     fn note(&mut self, from: Node, message: PuckMessage) {
+        if let Err(error) = check_motor::<N>(from) {
+            self.unhealthy = Some(error);
+        }
         let PuckMessage::Value { property, value } = message else {
             return;
         };
@@ -270,7 +273,7 @@ impl ControlCycle {
             // The caller may have stopped waiting.
             let _ = property_request.answer.try_send(value);
         }
-        if let Some(motor) = from.motor(AXES)
+        if let Some(motor) = from.motor(N)
             && let Err(error) = self.health.note(motor, property, value)
         {
             self.unhealthy = Some(error);
@@ -298,8 +301,8 @@ impl ControlCycle {
     /// Sends torques, Nm at the joints, as whole units of the motors.
     pub(super) fn drive(
         &mut self,
-        model: &WamModel<AXES>,
-        torques: &Joints<AXES>,
+        model: &WamModel<N>,
+        torques: &Joints<N>,
     ) -> Result<(), CanError> {
         let motors = model.transmission.motor_torques(torques);
         for &group in &self.torque_groups {
@@ -337,6 +340,14 @@ impl ControlCycle {
             .bus
             .set_property(Node::SAFETY, PuckProperty::MODE, mode::SAFETY_IDLE);
         let _ = self.bus.discard_for(Duration::from_millis(1));
+    }
+}
+
+/// Refuses a motor that an arm with `N` joints does not have: it may have been asleep or unplugged at the start.
+fn check_motor<const N: usize>(node: Node) -> Result<(), CanErrorKind> {
+    match node.motor(AXES) {
+        Some(motor) if motor >= N => Err(CanErrorKind::UnexpectedMotor { node, joints: N }),
+        _ => Ok(()),
     }
 }
 

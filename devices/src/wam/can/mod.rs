@@ -31,12 +31,10 @@ pub use can_options::CanOptions;
 pub use can_wam::{CanArm, CanStatus, CanWam, OpenBus};
 pub use zero_calibration::{CalibrationError, ZeroCalibration};
 
-use crate::wam::AXES;
-
 /// The position of the pucks when the driver last knew it.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
-struct PositionRecord {
-    counts: [i32; AXES],
+struct PositionRecord<const N: usize> {
+    counts: [i32; N],
     /// Position minus absolute angle of the rotor, within a turn; `None` without an absolute encoder.
-    origins: [Option<i32>; AXES],
+    origins: [Option<i32>; N],
 }

@@ -18,7 +18,6 @@ use tracing::{debug, warn};
 
 use super::zero_calibration::read_bounded;
 use super::{CanArm, PositionRecord};
-use crate::wam::AXES;
 use crate::wam::arm_device::Shared;
 
 /// Maximum size of a file, bytes.
@@ -28,7 +27,7 @@ const SAVE_INTERVAL: Duration = Duration::from_secs(1);
 /// Interval at which the end of the driver is looked for.
 const END_POLL_INTERVAL: Duration = Duration::from_millis(20);
 
-impl PositionRecord {
+impl<const N: usize> PositionRecord<N> {
     /// Reads a record; `None` if there is none, or none that can be used: then the position is not known.
     pub(super) fn load(path: &Path) -> Option<Self> {
         let text = match read_bounded(path, MAX_FILE_BYTES) {
@@ -41,7 +40,7 @@ impl PositionRecord {
         };
         let record = Self::parse(&text);
         if record.is_none() {
-            warn!(path = %path.display(), "the last known position of the arm is not readable and is ignored");
+            warn!(path = %path.display(), "the last known position of the arm is damaged, or of an arm with other joints, and is ignored");
         }
         record
     }
@@ -50,7 +49,7 @@ impl PositionRecord {
         let mut lines = text.lines();
         let mut words = |name: &str| {
             let line = lines.next()?.strip_prefix(name)?;
-            <[String; AXES]>::try_from(
+            <[String; N]>::try_from(
                 line.split_whitespace()
                     .map(str::to_owned)
                     .collect::<Vec<_>>(),
@@ -59,10 +58,10 @@ impl PositionRecord {
         };
         let (counts, origins) = (words("counts ")?, words("origins ")?);
         let mut record = Self {
-            counts: [0; AXES],
-            origins: [None; AXES],
+            counts: [0; N],
+            origins: [None; N],
         };
-        for motor in 0..AXES {
+        for motor in 0..N {
             record.counts[motor] = counts[motor].parse().ok()?;
             if origins[motor] != "-" {
                 record.origins[motor] = Some(origins[motor].parse().ok()?);
@@ -94,7 +93,7 @@ impl PositionRecord {
 }
 
 /// Keeps the file up to date until the driver ends; removes it while the position is lost.
-pub(super) fn keep(shared: &Shared<CanArm>, path: &PathBuf) {
+pub(super) fn keep<const N: usize>(shared: &Shared<CanArm<N>>, path: &PathBuf) {
     let mut saved = None;
     loop {
         let ending = shared.is_ending();
@@ -125,6 +124,7 @@ pub(super) fn keep(shared: &Shared<CanArm>, path: &PathBuf) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::wam::AXES;
 
     #[test]
     fn a_record_is_read_as_it_is_written() {
@@ -138,7 +138,7 @@ mod tests {
             "counts 1 2 3\norigins 1 2 3\n",
             "counts a b c d e f g\n",
         ] {
-            assert_eq!(PositionRecord::parse(spoilt), None, "{spoilt}");
+            assert_eq!(PositionRecord::<AXES>::parse(spoilt), None, "{spoilt}");
         }
     }
 }

@@ -26,8 +26,8 @@ pub(super) struct PropertyRequest {
 /// Reads a property, or sets it and reads it back.
 ///
 /// Blocks for some periods, or, if the node does not answer, for three timeouts. Errors: [`DeviceError::Remote`].
-pub(super) fn run(
-    device: &CanWam,
+pub(super) fn run<const N: usize>(
+    device: &CanWam<N>,
     node: Node,
     property: PuckProperty,
     value: Option<i32>,

@@ -18,7 +18,6 @@ use tracing::{info, warn};
 
 use super::CanErrorKind;
 use crate::can::puck::{Node, PuckProperty, status};
-use crate::wam::AXES;
 
 /// Limit of a puck that does not tell its own, °C (btclient, owd).
 pub(super) const DEFAULT_LIMIT: i32 = 60;
@@ -51,12 +50,12 @@ enum Heat {
 
 /// The health of the pucks of all motors.
 #[derive(Clone, Debug)]
-pub(super) struct PuckHealth {
+pub(super) struct PuckHealth<const N: usize> {
     /// °C.
-    limits: [i32; AXES],
-    temperatures: [Option<i32>; AXES],
-    heat: [Heat; AXES],
-    errors: [i32; AXES],
+    limits: [i32; N],
+    temperatures: [Option<i32>; N],
+    heat: [Heat; N],
+    errors: [i32; N],
     /// Number of the next query.
     next: usize,
     /// A property whose value has consequences if it is read again.
@@ -72,23 +71,23 @@ struct Doubt {
     left: u32,
 }
 
-impl PuckHealth {
+/// Returns the temperature limit that a puck tells, °C, or the default.
+pub(super) fn puck_limit(told: Option<i32>) -> i32 {
+    told.filter(|told| PLAUSIBLE_LIMITS.contains(told))
+        .unwrap_or(DEFAULT_LIMIT)
+}
+
+impl<const N: usize> PuckHealth<N> {
     /// Pucks of which nothing is known, with these limits, °C.
-    pub(super) fn new(limits: [i32; AXES]) -> Self {
+    pub(super) fn new(limits: [i32; N]) -> Self {
         Self {
             limits,
-            temperatures: [None; AXES],
-            heat: [Heat::Usual; AXES],
-            errors: [0; AXES],
+            temperatures: [None; N],
+            heat: [Heat::Usual; N],
+            errors: [0; N],
             next: 0,
             doubt: None,
         }
-    }
-
-    /// Returns the limit that a puck tells, °C, or the default.
-    pub(super) fn limit(told: Option<i32>) -> i32 {
-        told.filter(|told| PLAUSIBLE_LIMITS.contains(told))
-            .unwrap_or(DEFAULT_LIMIT)
     }
 
     /// Returns the next query: each property of each puck in turn, and a doubtful value again.
@@ -99,7 +98,7 @@ impl PuckHealth {
             self.doubt.take_if(|doubt| doubt.left == 0);
             return asked;
         }
-        let (motor, property) = (self.next % AXES, self.next / AXES % WATCHED.len());
+        let (motor, property) = (self.next % N, self.next / N % WATCHED.len());
         self.next += 1;
         (Node::of_motor(motor), WATCHED[property])
     }
@@ -110,7 +109,7 @@ impl PuckHealth {
     }
 
     /// Returns the last temperatures, °C.
-    pub(super) fn temperatures(&self) -> [Option<i32>; AXES] {
+    pub(super) fn temperatures(&self) -> [Option<i32>; N] {
         self.temperatures
     }
 
@@ -200,7 +199,7 @@ impl PuckHealth {
 
     /// Returns why joints hold and commands are refused, in words; `None` if no puck is too hot.
     pub(super) fn too_hot(&self) -> Option<String> {
-        let hottest = (0..AXES).max_by_key(|&motor| self.heat[motor])?;
+        let hottest = (0..N).max_by_key(|&motor| self.heat[motor])?;
         if self.heat[hottest] < Heat::Hot {
             return None;
         }
@@ -221,9 +220,10 @@ impl PuckHealth {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::wam::AXES;
 
     /// Reads a temperature twice, as the driver does.
-    fn read(health: &mut PuckHealth, temperature: i32) {
+    fn read(health: &mut PuckHealth<AXES>, temperature: i32) {
         for _ in 0..2 {
             health.note(3, PuckProperty::TEMP, temperature).unwrap();
         }
@@ -312,7 +312,7 @@ mod tests {
 
     #[test]
     fn a_limit_that_no_puck_has_is_not_believed() {
-        let limits = [Some(55), Some(0), Some(-1), Some(5000), None].map(PuckHealth::limit);
+        let limits = [Some(55), Some(0), Some(-1), Some(5000), None].map(puck_limit);
         assert_eq!(limits, [55, 60, 60, 60, 60]);
     }
 }

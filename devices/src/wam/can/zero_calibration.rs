@@ -11,7 +11,7 @@ use crate::wam::{AXES, WamModel};
 /// Maximum size of a file, bytes: a real one has some hundreds.
 const MAX_FILE_BYTES: u64 = 64 * 1024;
 
-/// Content of a `zerocal.conf` for seven joints.
+/// Content of a `zerocal.conf` for `N` joints.
 ///
 /// ```text
 /// home = ( 0, -2, 0, 3.13, 0, 0, 0 );
@@ -24,11 +24,11 @@ const MAX_FILE_BYTES: u64 = 64 * 1024;
 ///
 /// Source: `low_level_wam-inl.h` of libbarrett.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct ZeroCalibration {
+pub struct ZeroCalibration<const N: usize = AXES> {
     /// The folded home pose, rad, in place of the model's.
-    pub home: Option<[f64; AXES]>,
+    pub home: Option<[f64; N]>,
     /// Angles of the rotors with the joints at zero, rad; those out of range are excluded.
-    pub zero_angles: Option<[f64; AXES]>,
+    pub zero_angles: Option<[f64; N]>,
 }
 
 /// A calibration that cannot be used.
@@ -48,12 +48,14 @@ pub enum CalibrationError {
         got: String,
     },
     /// A list has another length than the arm has joints.
-    #[error("{name} has {got} numbers, expected {AXES}")]
+    #[error("{name} has {got} numbers, expected {expected}")]
     Count {
         /// The name of the list.
         name: String,
         /// Its length.
         got: usize,
+        /// The number of joints.
+        expected: usize,
     },
     /// It has neither a home pose nor zero angles.
     #[error("the calibration has neither `home` nor `zeroangle`")]
@@ -68,7 +70,7 @@ pub enum CalibrationError {
     },
 }
 
-impl ZeroCalibration {
+impl<const N: usize> ZeroCalibration<N> {
     /// Reads a file. Errors: [`CalibrationError`].
     pub fn read(path: &Path) -> Result<Self, CalibrationError> {
         Self::parse(&read_bounded(path, MAX_FILE_BYTES)?.ok_or(CalibrationError::TooLarge)?)
@@ -95,6 +97,7 @@ impl ZeroCalibration {
                 let count = |_| CalibrationError::Count {
                     name: name.to_owned(),
                     got,
+                    expected: N,
                 };
                 *slot = Some(numbers.try_into().map_err(count)?);
             }
@@ -109,7 +112,7 @@ impl ZeroCalibration {
     /// Returns the model with the home pose of this calibration.
     ///
     /// Errors: [`CalibrationError::HomeOutside`].
-    pub fn apply(&self, mut model: WamModel<AXES>) -> Result<WamModel<AXES>, CalibrationError> {
+    pub fn apply(&self, mut model: WamModel<N>) -> Result<WamModel<N>, CalibrationError> {
         let Some(home) = self.home else {
             return Ok(model);
         };
@@ -124,10 +127,10 @@ impl ZeroCalibration {
 }
 
 /// Returns the value of `MECH` of each motor at home, counts within a turn; `None` for one that libbarrett excludes.
-pub(super) fn marks_at_home(
-    zero_angles: &[f64; AXES],
-    model: &WamModel<AXES>,
-) -> [Option<i32>; AXES] {
+pub(super) fn marks_at_home<const N: usize>(
+    zero_angles: &[f64; N],
+    model: &WamModel<N>,
+) -> [Option<i32>; N] {
     let turn = f64::from(model.transmission.counts_per_turn());
     let home = model.transmission.motors_of(&model.home);
     std::array::from_fn(|motor| {
@@ -225,7 +228,11 @@ mod tests {
 
     #[test]
     fn unusable_files_say_why() {
-        let error = |text| ZeroCalibration::parse(text).unwrap_err().to_string();
+        let error = |text| {
+            ZeroCalibration::<AXES>::parse(text)
+                .unwrap_err()
+                .to_string()
+        };
         assert_eq!(
             error(""),
             "the calibration has neither `home` nor `zeroangle`"

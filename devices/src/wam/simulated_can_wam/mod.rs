@@ -4,6 +4,8 @@ mod in_process_bus;
 mod pendant_button;
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread;
+use std::time::{Duration, Instant};
 
 use in_process_bus::{InProcessBus, PucksInTime};
 pub use pendant_button::PendantButton;
@@ -11,11 +13,19 @@ pub use pendant_button::PendantButton;
 use super::can::{CanOptions, CanWam};
 use super::{AXES, WamModel};
 use crate::can::CanBus;
+use crate::kinematics::Joints;
 use crate::simulation::{SafetyMode, SimulatedPucks, SimulatorOptions};
 use crate::{AxisIndex, AxisInfo, Device, DeviceError, JointType, RemoteVariables, VariableValue};
 
 /// Variable with the mode of the safety module; setting it presses a button of the pendant.
 const PENDANT: &str = "pendant";
+/// Variable of the driver by which somebody confirms that the arm is folded at home.
+const CONFIRM_HOME: &str = "confirm_home";
+
+/// Timeout of the activation.
+const ACTIVATION_TIMEOUT: Duration = Duration::from_secs(10);
+/// Interval between looks at the state of the arm.
+const POLL_INTERVAL: Duration = Duration::from_millis(20);
 
 /// A simulated WAM arm that is brought up like a real one: the driver of the CAN bus in front of simulated pucks.
 ///
@@ -25,6 +35,7 @@ const PENDANT: &str = "pendant";
 ///   arm off.
 /// * The bus is in this process, and time at its other end passes in whole control periods with the queries of the driver. A driver that is
 ///   interrupted leaves the arm without commands for as long.
+/// * Who confirms that the arm is folded folds it, and holds it so until the driver knows, unless it is active.
 /// * The variable `pendant` presses the buttons: [`PendantButton`] lists the words.
 ///
 /// ```
@@ -40,22 +51,36 @@ const PENDANT: &str = "pendant";
 /// # }
 /// ```
 #[derive(Debug)]
-pub struct SimulatedCanWam {
-    arm: CanWam,
-    pucks: Arc<Mutex<PucksInTime>>,
+pub struct SimulatedCanWam<const N: usize = AXES> {
+    arm: CanWam<N>,
+    pucks: Arc<Mutex<PucksInTime<N>>>,
 }
 
-impl SimulatedCanWam {
+impl<const N: usize> SimulatedCanWam<N> {
     /// Switches a simulated arm on and starts its driver, without real-time settings.
     ///
     /// Blocks until the pucks are awake, two seconds or so. Errors: those of [`CanWam::start`].
     pub fn start(
-        model: WamModel<AXES>,
-        options: CanOptions,
+        model: WamModel<N>,
+        options: CanOptions<N>,
         simulator: SimulatorOptions,
     ) -> Result<Self, DeviceError> {
+        Self::start_among(model, options, simulator, |_| None)
+    }
+
+    /// Starts an arm among other bodies: `surroundings` is called after each control period with the true joint angles, rad, and returns
+    /// the torques that contact puts on the joints during the next, Nm, or `None` to leave them.
+    ///
+    /// Errors: those of [`start`](Self::start).
+    pub fn start_among(
+        model: WamModel<N>,
+        options: CanOptions<N>,
+        simulator: SimulatorOptions,
+        surroundings: impl FnMut(&Joints<N>) -> Option<Joints<N>> + Send + 'static,
+    ) -> Result<Self, DeviceError> {
         let pucks = SimulatedPucks::new(model.clone(), simulator);
-        let pucks = Arc::new(Mutex::new(PucksInTime::new(pucks)));
+        let pucks = PucksInTime::new(pucks, Box::new(surroundings));
+        let pucks = Arc::new(Mutex::new(pucks));
         let theirs = Arc::clone(&pucks);
         let open = move || {
             let bus = InProcessBus::new(Arc::clone(&theirs));
@@ -66,8 +91,13 @@ impl SimulatedCanWam {
             real_time: crate::real_time::RealTime::NONE,
             ..options
         };
-        let arm = CanWam::start(model, options, Box::new(open))?;
-        Ok(Self { arm, pucks })
+        if options.home_confirmed {
+            // Whoever confirms that it is folded holds it so until the driver knows: a wrist with a hand sinks while pucks wake.
+            lock(&pucks).hold(Some(model.home));
+        }
+        let arm = CanWam::start(model, options, Box::new(open));
+        lock(&pucks).hold(None);
+        Ok(Self { arm: arm?, pucks })
     }
 
     /// Presses a button of the pendant, or switches the arm on or off.
@@ -81,61 +111,79 @@ impl SimulatedCanWam {
         });
     }
 
+    /// Presses idle and activate, and waits until the driver has seen it.
+    ///
+    /// Before, somebody has to have confirmed that the arm is at home. Errors: [`DeviceError::Start`] if it is not active
+    /// within ten seconds.
+    pub fn activate(&self) -> Result<(), DeviceError> {
+        self.press(PendantButton::Idle);
+        self.press(PendantButton::Activate);
+        let deadline = Instant::now() + ACTIVATION_TIMEOUT;
+        while self.arm.status().safety != Some(SafetyMode::Active) {
+            if Instant::now() >= deadline {
+                let source = std::io::Error::other("its safety module does not become active");
+                let what = "the simulated arm";
+                return Err(DeviceError::Start { what, source });
+            }
+            thread::sleep(POLL_INTERVAL);
+        }
+        Ok(())
+    }
+
+    /// Loses this share of all frames on the bus from now on, in both directions, 0 to 1.
+    pub fn lose_frames(&self, share: f64) {
+        self.lock().lose(share);
+    }
+
+    /// Returns the number of frames that were lost.
+    pub fn lost_frames(&self) -> u64 {
+        self.lock().lost()
+    }
+
     /// Does something with the arm at the other end of the bus, as it is now.
-    pub fn with_pucks<T>(&self, what: impl FnOnce(&mut SimulatedPucks) -> T) -> T {
+    pub fn with_pucks<T>(&self, what: impl FnOnce(&mut SimulatedPucks<N>) -> T) -> T {
         let mut pucks = self.lock();
         pucks.pass();
         what(pucks.pucks_mut())
     }
 
     /// Returns the driver.
-    pub fn driver(&self) -> &CanWam {
+    pub fn driver(&self) -> &CanWam<N> {
         &self.arm
     }
 
-    fn lock(&self) -> MutexGuard<'_, PucksInTime> {
-        self.pucks.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock(&self) -> MutexGuard<'_, PucksInTime<N>> {
+        lock(&self.pucks)
     }
 }
 
-/// Delegates interfaces to the driver.
-macro_rules! of_driver {
-    ($($method:ident: $interface:ident),* $(,)?) => {
-        $(fn $method(&self) -> Option<&dyn crate::$interface> {
-            self.arm.$method()
-        })*
+fn lock<const N: usize>(pucks: &Mutex<PucksInTime<N>>) -> MutexGuard<'_, PucksInTime<N>> {
+    pucks.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Makes the methods of [`Device`] by the list of all interfaces: those of the driver, but for the variables.
+macro_rules! device_of_driver {
+    ($($(#[$about:meta])* $method:ident: $interface:ident;)*) => {
+        impl<const N: usize> Device for SimulatedCanWam<N> {
+            $(interface_of_driver! { $method $interface })*
+        }
     };
 }
 
-impl Device for SimulatedCanWam {
-    of_driver! {
-        axis_info: AxisInfo,
-        position_control: PositionControl,
-        velocity_control: VelocityControl,
-        encoders: Encoders,
-        control_mode: ControlMode,
-        control_limits: ControlLimits,
-        position_direct: PositionDirect,
-        torque_control: TorqueControl,
-        current_control: CurrentControl,
-        pwm_control: PwmControl,
-        interaction_mode: InteractionMode,
-        impedance_control: ImpedanceControl,
-        pid_control: PidControl,
-        motor_encoders: MotorEncoders,
-        motor: Motor,
-        amplifier_control: AmplifierControl,
-        control_calibration: ControlCalibration,
-        joint_fault: JointFault,
-        machine_brake: MachineBrake,
-    }
-
-    fn remote_variables(&self) -> Option<&dyn RemoteVariables> {
-        Some(self)
-    }
+macro_rules! interface_of_driver {
+    (remote_variables $interface:ident) => {
+        crate::offers! { remote_variables: $interface }
+    };
+    ($method:ident $interface:ident) => {
+        fn $method(&self) -> Option<&dyn crate::$interface> {
+            self.arm.$method()
+        }
+    };
 }
 
-impl AxisInfo for SimulatedCanWam {
+crate::device_interfaces!(device_of_driver);
+
+impl<const N: usize> AxisInfo for SimulatedCanWam<N> {
     fn axes(&self) -> usize {
         self.arm.axes()
     }
@@ -149,7 +197,7 @@ impl AxisInfo for SimulatedCanWam {
     }
 }
 
-impl RemoteVariables for SimulatedCanWam {
+impl<const N: usize> RemoteVariables for SimulatedCanWam<N> {
     fn variables(&self) -> Result<Vec<String>, DeviceError> {
         let mut names = self.arm.variables()?;
         names.push(PENDANT.to_owned());
@@ -172,6 +220,14 @@ impl RemoteVariables for SimulatedCanWam {
     }
 
     fn set_variable(&self, name: &str, value: &[VariableValue]) -> Result<(), DeviceError> {
+        if name == CONFIRM_HOME {
+            self.with_pucks(|pucks| {
+                if pucks.simulator().safety().mode() != SafetyMode::Active {
+                    let home = pucks.simulator().model().home;
+                    pucks.simulator_mut().place(&home);
+                }
+            });
+        }
         if name != PENDANT {
             return self.arm.set_variable(name, value);
         }

@@ -18,8 +18,8 @@ const PERIOD: Duration = Duration::from_millis(2);
 /// Changes the frames that the host receives.
 pub type Noise = Box<dyn FnMut(Vec<CanFrame>) -> Vec<CanFrame> + Send>;
 
-pub struct Memory {
-    pucks: Shared<SimulatedPucks>,
+pub struct Memory<const N: usize = 7> {
+    pucks: Shared<SimulatedPucks<N>>,
     hook: Shared<Option<Hook>>,
     wire: Shared<Wire>,
 }
@@ -34,7 +34,13 @@ pub struct Wire {
 
 impl Memory {
     pub fn new() -> Self {
-        let pucks = SimulatedPucks::new(WamModel::<7>::new(), SimulatorOptions::default());
+        Self::of(WamModel::<7>::new())
+    }
+}
+
+impl<const N: usize> Memory<N> {
+    pub fn of(model: WamModel<N>) -> Self {
+        let pucks = SimulatedPucks::new(model, SimulatorOptions::default());
         Self {
             pucks: Shared::new(pucks),
             hook: Shared::new(None),
@@ -42,18 +48,33 @@ impl Memory {
         }
     }
 
+    /// The way of a driver onto the bus.
+    pub fn driver_end(&self) -> OpenBus {
+        let (pucks, hook, wire) = (self.pucks.clone(), self.hook.clone(), self.wire.clone());
+        Box::new(move || {
+            if let Some(failure) = &wire.lock().failure {
+                return Err(failure.clone());
+            }
+            Ok(Box::new(End {
+                pucks: pucks.clone(),
+                hook: hook.clone(),
+                wire: wire.clone(),
+            }))
+        })
+    }
+
     pub fn wire(&self) -> &Shared<Wire> {
         &self.wire
     }
 }
 
-struct End {
-    pucks: Shared<SimulatedPucks>,
+struct End<const N: usize> {
+    pucks: Shared<SimulatedPucks<N>>,
     hook: Shared<Option<Hook>>,
     wire: Shared<Wire>,
 }
 
-impl CanBus for End {
+impl<const N: usize> CanBus for End<N> {
     fn send(&mut self, frame: &CanFrame) -> Result<(), BusError> {
         run_hook(&self.hook, frame);
         let mut wire = self.wire.lock();
@@ -89,17 +110,7 @@ impl CanBus for End {
 
 impl Rig for Memory {
     fn open(&self) -> OpenBus {
-        let (pucks, hook, wire) = (self.pucks.clone(), self.hook.clone(), self.wire.clone());
-        Box::new(move || {
-            if let Some(failure) = &wire.lock().failure {
-                return Err(failure.clone());
-            }
-            Ok(Box::new(End {
-                pucks: pucks.clone(),
-                hook: hook.clone(),
-                wire: wire.clone(),
-            }))
-        })
+        self.driver_end()
     }
 
     fn pucks(&self) -> &Shared<SimulatedPucks> {

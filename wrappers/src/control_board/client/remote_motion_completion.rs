@@ -19,7 +19,7 @@ use super::RemoteControlBoard;
 use super::board_link::{BoardLink, REFUSAL_ADVICE};
 use crate::device_ports::{RemotePorts, stream_port};
 use crate::open_ports::open;
-use crate::reconnect::{check_exists, subscribe};
+use crate::reconnect::{Turn, check_exists, subscribe};
 
 /// Maximum number of remembered completions; older ones are queried from the board.
 const MAX_REMEMBERED_MOTIONS: usize = 1000;
@@ -98,7 +98,17 @@ impl Announcements {
         let mut asking = JoinSet::new();
         let are_missing = Box::new(move || writers.load(Ordering::Relaxed) == 0);
         let between = (from.as_str(), port.name());
-        match subscribe(network, between, &names.carrier, &mut asking, are_missing).await {
+        let turn = Turn::default();
+        match subscribe(
+            network,
+            between,
+            &names.carrier,
+            &mut asking,
+            turn,
+            are_missing,
+        )
+        .await
+        {
             Ok(()) => Ok(Self {
                 port,
                 ends,

@@ -6,9 +6,11 @@
 //! ```
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 use yarp_devices::DeviceError;
-use yarp_ports::{Network, PortError, PortOptions};
+use yarp_ports::{Network, PortError, PortOptions, Received, error_chain};
 use yarp_wire::WireVersion;
 use yarp_wire::message::WireObject;
 
@@ -18,7 +20,7 @@ use crate::OpenError;
 use crate::control_board::messages::ProtocolVersion;
 use crate::device_ports::{LatestValue, Link, RemotePorts, RpcPort, stream_port};
 use crate::frame_grabber::messages::{Answer, As, Reply, Request};
-use crate::reconnect::{to_text, unsupported_request};
+use crate::reconnect::{Turn, WATCH_INTERVAL, to_text, unsupported_request};
 use crate::thrift::{ReturnCode, ServiceVersion};
 
 const RPC: RpcPort = RpcPort {
@@ -34,6 +36,27 @@ pub(super) struct CameraLink {
     pub(super) wire_version: WireVersion,
     pub(super) ports: RemotePorts,
     pub(super) latest: Arc<LatestImage>,
+    pause: Arc<Pause>,
+}
+
+/// A pause of the stream of images.
+#[derive(Debug, Default)]
+struct Pause {
+    is_paused: AtomicBool,
+    /// True if the server could not be reached when the stream was last resumed.
+    resume_failed: AtomicBool,
+    turn: Turn,
+}
+
+impl Pause {
+    /// Returns whether the server has to be asked for images again.
+    fn are_missing(&self, latest: &LatestImage, age: Duration) -> bool {
+        if self.is_paused.load(Ordering::Acquire) {
+            return false;
+        }
+        let failed = self.resume_failed.load(Ordering::Acquire);
+        latest.is_older_than(age) || (failed && latest.arrived().is_none())
+    }
 }
 
 impl Link for CameraLink {
@@ -54,6 +77,7 @@ impl CameraLink {
             common.check_remote(network, &[""]).await?;
         }
         let latest = Arc::new(LatestValue::new("image", common.max_state_age));
+        let pause = Arc::<Pause>::default();
         let mut calling = PortOptions::new().rpc_client();
         if let Some(wire_version) = options.wire_version {
             // A server of both wire versions reports 3.x, whose messages it expects from callers.
@@ -61,13 +85,19 @@ impl CameraLink {
         }
         let mut wanted = vec![(RPC.local, calling)];
         if options.streams {
-            let newest = latest.clone();
-            wanted.push(("", stream_port(move |received| newest.take(received))));
+            let (newest, paused) = (latest.clone(), pause.clone());
+            let take = move |received: &Received| {
+                if !paused.is_paused.load(Ordering::Acquire) {
+                    newest.take(received);
+                }
+            };
+            wanted.push(("", stream_port(take)));
         }
         let mut link = Self {
             wire_version: WireVersion::V3,
             ports: RemotePorts::open(network, common, "camera", RPC, wanted).await?,
             latest,
+            pause,
         };
         let greeted = link.greet(options).await;
         link.unless_failed(greeted).await.map(|(link, ())| link)
@@ -77,8 +107,13 @@ impl CameraLink {
     async fn greet(&mut self, options: &RemoteFrameGrabberOptions) -> Result<(), OpenError> {
         if options.streams {
             // Cameras may be slow on purpose.
-            let age = options.common.max_state_age;
-            self.ports.subscribe("", STREAM, &self.latest, age).await?;
+            let age = options.common.max_state_age.max(2 * WATCH_INTERVAL);
+            let (pause, latest) = (self.pause.clone(), self.latest.clone());
+            let turn = pause.turn.clone();
+            let are_missing = Box::new(move || pause.are_missing(&latest, age));
+            self.ports
+                .subscribe_while(("", STREAM), turn, are_missing)
+                .await?;
         }
         self.ports.connect_rpc().await?;
         self.wire_version = match options.wire_version {
@@ -112,6 +147,33 @@ impl CameraLink {
     /// Returns whether images are streamed.
     pub(super) fn streams(&self) -> bool {
         self.ports.count() > STREAM
+    }
+
+    /// Ends the stream of images, or begins it anew without any image of before.
+    pub(super) async fn set_paused(&self, paused: bool) {
+        if !self.streams() {
+            return;
+        }
+        let pause = &self.pause;
+        let _turn = pause.turn.lock().await;
+        self.latest.clear();
+        pause.is_paused.store(paused, Ordering::Release);
+        let done = self.ports.set_connected(("", STREAM), !paused).await;
+        if paused {
+            // One that was being taken when the pause began.
+            self.latest.clear();
+        }
+        let failed = done.is_err() && !paused;
+        pause.resume_failed.store(failed, Ordering::Release);
+        if let Err(error) = done {
+            let (remote, error) = (self.ports.remote(), error_chain(&error));
+            match paused {
+                // The server goes on sending; nobody else is worse off.
+                true => tracing::warn!(remote, error, "the images cannot be paused"),
+                // It is tried again as long as none arrives.
+                false => tracing::debug!(remote, error, "the images cannot be resumed yet"),
+            }
+        }
     }
 
     /// Sends a request, and waits for the reply.

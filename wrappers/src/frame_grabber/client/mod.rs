@@ -83,6 +83,23 @@ impl RemoteFrameGrabber {
         self.link.ports.remote()
     }
 
+    /// Ends the stream of images until [`RemoteFrameGrabber::resume`]: the network and the camera have nothing to do
+    /// meanwhile, and asking for an image fails as before the first one.
+    ///
+    /// Without a stream there is nothing to end. If the server cannot be reached, it goes on sending.
+    pub fn pause(&self) {
+        self.link
+            .run(|link| async move { link.set_paused(true).await });
+    }
+
+    /// Begins the stream of images anew. The first one that comes may have been taken before this call.
+    ///
+    /// Does not wait for the first one. If the server cannot be reached, it is asked again until an image comes.
+    pub fn resume(&self) {
+        self.link
+            .run(|link| async move { link.set_paused(false).await });
+    }
+
     /// The wire version of YARP that is spoken with the server.
     pub fn wire_version(&self) -> WireVersion {
         self.link.wire_version

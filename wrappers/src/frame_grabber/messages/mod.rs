@@ -8,6 +8,7 @@
 //! | `firewire_messages` | messages for cameras on IEEE 1394 |
 //! | `reply_value` | [`Answer`]: results, in both layouts |
 //! | [`image_message`] | images of devices as messages, and back |
+//! | [`sound_message`] | sound of devices as messages |
 //!
 //! Both wire versions use one port: a message that begins with the name of a function is 4.0's.
 
@@ -19,6 +20,7 @@ mod camera_vocab_requests;
 mod firewire_messages;
 pub mod image_message;
 mod reply_value;
+pub mod sound_message;
 
 use bytes::BytesMut;
 use yarp_wire::message::WireObject;
@@ -31,6 +33,7 @@ pub use camera_thrift_calls::help;
 pub use camera_vocab_requests::Reply;
 pub use firewire_messages::Firewire;
 pub use reply_value::Answer;
+pub use sound_message::{GrabberSound, ImageWithSound};
 
 impl Request {
     /// Encodes the request for 3.x; `None` if it does not.

@@ -16,6 +16,7 @@ use yarp_devices::Device;
 use yarp_ports::{Network, Port, PortOptions, Received};
 
 use self::camera_request_handler::RequestHandler;
+use self::image_publisher::Content;
 use crate::OpenError;
 use crate::device_ports::{ServedPort, ServedPorts};
 use crate::open_ports::request_port;
@@ -35,12 +36,22 @@ pub enum Capability {
     Raw,
 }
 
+/// Port of the sound of a camera with a microphone.
+#[derive(Clone, Debug, Eq, PartialEq)]
+pub enum SoundPort {
+    /// That of the images: each message is an image and its sound (stock: `shared-ports`).
+    Shared,
+    /// A port of this name (stock: `name2`).
+    Separate(String),
+}
+
 /// Options of a camera server.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct FrameGrabberOptions {
     period: Duration,
     capability: Capability,
+    sound: Option<SoundPort>,
 }
 
 impl Default for FrameGrabberOptions {
@@ -48,6 +59,7 @@ impl Default for FrameGrabberOptions {
         Self {
             period: DEFAULT_PERIOD,
             capability: Capability::default(),
+            sound: None,
         }
     }
 }
@@ -69,6 +81,13 @@ impl FrameGrabberOptions {
         self.capability = capability;
         self
     }
+
+    /// Streams the sound too, if the device has [images with sound](yarp_devices::AudioVisualGrabber), like stock's `grabber` of 3.5.
+    /// Images are then in colour. By default there are images alone.
+    pub fn sound(mut self, port: SoundPort) -> Self {
+        self.sound = Some(port);
+        self
+    }
 }
 
 /// A camera, served like stock's `frameGrabber_nws_yarp`, to clients of 3.x and of 4.0 at once.
@@ -77,6 +96,8 @@ impl FrameGrabberOptions {
 ///   images, and never gets an old one after a newer one. Their envelope is the number and time of the image. Without
 ///   readers, the camera is not called.
 /// * `NAME/rpc` answers queries and executes commands of both wire versions; so does `NAME`.
+/// * With [`FrameGrabberOptions::sound`] each image is sent with the sound since the previous one, or the sound goes to a port of its own; a reader that
+///   misses an image misses its sound. While nobody reads, sound is dropped.
 /// * Pixels are not copied on their way from the camera to a port where a row is a multiple of 8 bytes.
 /// * A request that is malformed, or that the camera has no interface for or refuses, is answered at once, as its
 ///   wire version reads it. Cameras on IEEE 1394 are not supported: calls for them are refused by name.
@@ -105,7 +126,7 @@ pub struct FrameGrabberServer {
 }
 
 impl FrameGrabberServer {
-    /// Opens the two ports and begins to publish.
+    /// Opens the two ports, and that of the sound, and begins to publish.
     ///
     /// * `name`: begins with `/`; the ports are `NAME/rpc` and `NAME`.
     /// * Errors: [`OpenError::NoInterface`] when the device does not have the selected images, [`OpenError::Period`],
@@ -119,9 +140,15 @@ impl FrameGrabberServer {
         name: &str,
         options: FrameGrabberOptions,
     ) -> Result<Self, OpenError> {
-        let FrameGrabberOptions { period, capability } = options;
+        let FrameGrabberOptions {
+            period,
+            capability,
+            sound,
+        } = options;
         check_period(period)?;
+        let sound = sound.filter(|_| has_sound(device.as_ref()));
         match capability {
+            _ if sound.is_some() => {}
             Capability::Colour if device.frame_grabber_image().is_none() => {
                 return Err(OpenError::NoInterface("images in colour"));
             }
@@ -131,15 +158,23 @@ impl FrameGrabberServer {
             _ => {}
         }
         let camera = Arc::new(RequestHandler::new(device.clone(), name));
-        let wanted = vec![
+        let mut wanted = vec![
             ServedPort::input("rpc", answering(&camera).input_only()),
             ServedPort::output("", answering(&camera).type_name("yarp/image")),
         ];
+        if let Some(SoundPort::Separate(name)) = &sound {
+            wanted.push(ServedPort::output("", PortOptions::new()).named(name));
+        }
         let start = |outputs: &[Arc<Port>]| {
-            image_publisher::start(device, outputs[0].clone(), capability, period)
+            let content = match outputs.get(1) {
+                Some(sound) => Content::SeparateSound(sound.clone()),
+                None if sound.is_some() => Content::ImagesWithSound,
+                None => Content::Images(capability),
+            };
+            image_publisher::start(device, outputs[0].clone(), content, period)
         };
         let ports = ServedPorts::open(network, name, wanted, start).await?;
-        tracing::info!(name, ?period, ?capability, "camera served");
+        tracing::info!(name, ?period, ?capability, ?sound, "camera served");
         Ok(Self { ports })
     }
 
@@ -148,12 +183,19 @@ impl FrameGrabberServer {
         self.ports.name()
     }
 
-    /// Ends publishing, closes the two ports and unregisters their names.
+    /// Ends publishing, closes the ports and unregisters their names.
     ///
     /// Takes a few seconds at most, even if peers do not answer. The camera continues.
     pub async fn close(self) {
         self.ports.close().await;
     }
+}
+
+/// Returns true if the device has images with sound, and does not say that one of them is missing.
+fn has_sound(device: &dyn Device) -> bool {
+    let stream = device.audio_visual_stream();
+    let is_whole = stream.is_none_or(|stream| stream.has_audio() && stream.has_video());
+    device.audio_visual_grabber().is_some() && is_whole
 }
 
 fn answering(camera: &Arc<RequestHandler>) -> PortOptions {

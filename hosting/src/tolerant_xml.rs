@@ -29,44 +29,44 @@ const ENTITIES: [(&str, char); 5] = [
 
 /// An XML document.
 #[derive(Debug)]
-pub(super) struct XmlDocument {
+pub(crate) struct XmlDocument {
     /// Root element.
-    pub(super) root: XmlElement,
+    pub(crate) root: XmlElement,
     /// Tags before, between and after elements that are passed over, as document types: line and content.
-    pub(super) unknown: Vec<(usize, String)>,
+    pub(crate) unknown: Vec<(usize, String)>,
     /// What XML does not allow: line and description.
-    pub(super) lints: Vec<(usize, String)>,
+    pub(crate) lints: Vec<(usize, String)>,
 }
 
 /// An element.
 #[derive(Debug, Default, PartialEq)]
-pub(super) struct XmlElement {
+pub(crate) struct XmlElement {
     /// Name, with its prefix.
-    pub(super) name: String,
+    pub(crate) name: String,
     /// Attributes in order; names are unique.
-    pub(super) attributes: Vec<(String, String)>,
+    pub(crate) attributes: Vec<(String, String)>,
     /// Text at the beginning, before any element or comment.
-    pub(super) text: Option<String>,
+    pub(crate) text: Option<String>,
     /// Elements inside.
-    pub(super) children: Vec<XmlElement>,
+    pub(crate) children: Vec<XmlElement>,
     /// Line of the opening `<`, from 1.
-    pub(super) line: usize,
+    pub(crate) line: usize,
 }
 
 /// Error in a document.
 #[derive(Debug, PartialEq)]
-pub(super) struct XmlError {
+pub(crate) struct XmlError {
     /// Line, from 1.
-    pub(super) line: usize,
+    pub(crate) line: usize,
     /// Description.
-    pub(super) what: String,
+    pub(crate) what: String,
 }
 
 /// Parses a document; `budget` is the number of elements that may still be created, and is decreased.
 ///
 /// Errors: [`XmlError`] for an element or a comment that is not closed, a wrong closing tag, an attribute
 /// without a value or given twice, no element at all, too many elements, and elements nested too deeply.
-pub(super) fn parse(text: &str, budget: &mut usize) -> Result<XmlDocument, XmlError> {
+pub(crate) fn parse(text: &str, budget: &mut usize) -> Result<XmlDocument, XmlError> {
     let whole = text.replace("\r\n", "\n").replace('\r', "\n");
     // A C string ends there.
     let text = whole.split('\0').next().unwrap_or_default();
