@@ -47,13 +47,16 @@ fn stopped_readers_do_not_delay_others() {
     home.run("connect /w /stops").with(0);
     writer.reaches(&mut stops, "first");
     let stops = stops.signal("STOP");
-    writer.type_text("while stopped\n");
-    assert!(keeps.sees("while stopped"));
+    for line in ["while stopped", "still stopped", "stopped for long"] {
+        writer.type_text(&format!("{line}\n"));
+        assert!(keeps.sees(line), "{line}: {:?}", keeps.printed());
+    }
     // The reader continues and has missed nothing.
     let stops = stops.signal("CONT").see("while stopped");
+    let stops = stops.see("still stopped").see("stopped for long");
     let stops = stops.signal("STOP");
     writer.type_text("stopped again\n");
-    assert!(keeps.sees("stopped again"));
+    assert!(keeps.sees("stopped again"), "{:?}", keeps.printed());
     stops.kill();
     outputs_become(&home, "/keeps");
     writer.reaches(&mut keeps, "at last");

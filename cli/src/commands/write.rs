@@ -124,18 +124,21 @@ impl Form {
     }
 }
 
-/// Sends the lines of standard input until its end.
+/// Sends the lines of standard input until its end, and waits until readers have taken them.
+///
+/// A reader that stops reading delays no line to the others, until there is no room for its own.
 pub(super) async fn send(port: &Port, form: Form, wait: bool) {
     while wait && port.outputs().is_empty() {
         tokio::time::sleep(READER_POLL_INTERVAL).await;
     }
     let mut lines = Lines::open();
     while let Some(line) = lines.next().await {
-        port.write(&form.message(&line)).await;
+        port.write_strict(&form.message(&line), None).await;
     }
     if let Some(end) = form.end() {
-        port.write(&end).await;
+        port.write_strict(&end, None).await;
     }
+    port.flush().await;
 }
 
 /// Sends the lines as administration requests to the targets.
