@@ -117,6 +117,51 @@ fn a_line_ends_when_a_joint_is_taken_and_the_client_is_told() {
 }
 
 #[test]
+fn lines_that_return_to_a_pose_return_to_their_posture() {
+    let arm = ideal_arm();
+    start_at(&arm, START);
+    let (driver, _node) = connected(&arm, false);
+    let home = WamModel::<7>::new().chain.forward(&joints(&arm));
+    let round = || {
+        for corner in [
+            [0.1, 0.0, 0.1],
+            [0.1, -0.15, 0.2],
+            [0.0, -0.15, 0.1],
+            [0.0; 3],
+        ] {
+            let mut target = home;
+            target.translation.vector += nalgebra::Vector3::from(corner);
+            driver.move_to(wire(&target)).unwrap();
+            at_rest(&driver);
+        }
+        joints(&arm)
+    };
+    let off = round() - Joints::from(START);
+    assert!(off.amax() < 2e-3, "{off}");
+    // Whatever else moves the joints changes the posture that the next lines keep.
+    let back_and_forth = || {
+        let here = joints(&arm);
+        let mut target = WamModel::<7>::new().chain.forward(&here);
+        for by in [0.05, -0.05] {
+            target.translation.x += by;
+            driver.move_to(wire(&target)).unwrap();
+            at_rest(&driver);
+        }
+        (joints(&arm) - here).amax()
+    };
+    let other = [10.0, 60.0, 5.0, 85.0, -10.0, 15.0, 0.0];
+    driver.position_move(Axes::All, &other).unwrap();
+    at_rest(&driver);
+    let off = back_and_forth();
+    assert!(off < 2e-3, "after a joint move: {off}");
+    // An idle arm may be led elsewhere by hand.
+    start_at(&arm, [0.2, 1.0, -0.1, 1.5, 0.2, 0.3, 0.2]);
+    driver.switch_gravity_on().unwrap();
+    let off = back_and_forth();
+    assert!(off < 2e-3, "after gravity compensation: {off}");
+}
+
+#[test]
 fn another_posture_needs_permission() {
     // The elbow stretches and bends again: a line through the shoulder's axis.
     let far = Joints::<7>::from([2.4, 0.8, 0.0, 1.6, 0.0, 0.3, 0.0]);

@@ -63,6 +63,62 @@ fn the_tool_stays_near_its_line() {
 }
 
 #[test]
+fn lines_that_return_to_a_pose_return_to_their_posture() {
+    let mut arm = arm();
+    let start = arm.set_point();
+    let home = WamModel::<7>::new().chain.forward(&start);
+    for corner in [
+        [0.1, 0.0, 0.1],
+        [0.1, -0.15, 0.2],
+        [0.0, -0.15, 0.1],
+        [0.0; 3],
+    ] {
+        let mut target = home;
+        target.translation.vector += nalgebra::Vector3::from(corner);
+        arm.move_line(&target, &StraightLineOptions::default())
+            .unwrap();
+        arm.finish(Duration::ZERO);
+    }
+    let off = arm.set_point() - start;
+    assert!(off.amax() < 1e-3, "{off}");
+    // Whatever else moves the joints changes the posture that the next lines keep.
+    let others = [
+        [0.1, 1.0, 0.1, 1.5, -0.2, 0.3, 0.0],
+        [0.1, 1.0, 0.3, 1.5, -0.3, 0.3, 0.1],
+        [0.1, 1.0, -0.1, 1.5, 0.2, 0.3, 0.2],
+    ];
+    for (way, other) in others.map(Joints::from).iter().enumerate() {
+        match way {
+            0 => {
+                let limits = JointLimits::uniform(0.75, 0.5);
+                arm.move_joints(other, &limits).unwrap();
+                arm.finish(Duration::ZERO);
+            }
+            1 => {
+                let from = arm.set_point();
+                for step in 1..=1000 {
+                    arm.follow(&from.lerp(other, f64::from(step) / 1000.0))
+                        .unwrap();
+                    arm.tick();
+                }
+            }
+            _ => arm.place(other),
+        }
+        let here = arm.set_point();
+        let mut target = WamModel::<7>::new().chain.forward(&here);
+        // Back and forth, so that a posture of before would be returned to.
+        for by in [0.05, -0.05] {
+            target.translation.x += by;
+            arm.move_line(&target, &StraightLineOptions::default())
+                .unwrap();
+            arm.finish(Duration::ZERO);
+        }
+        let off = arm.set_point() - here;
+        assert!(off.amax() < 2e-3, "{way}: {off}");
+    }
+}
+
+#[test]
 fn a_new_move_takes_the_place_of_a_running_one() {
     let mut arm = arm();
     let limits = JointLimits::uniform(0.75, 0.5);

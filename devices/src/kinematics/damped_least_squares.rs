@@ -152,6 +152,25 @@ impl<const N: usize> Solver<N> {
     ///
     /// Errors: [`Unsolved`] with the nearest that was found.
     pub fn solve(&self, target: &Pose, start: &Joints<N>) -> Result<Solution<N>, Unsolved<N>> {
+        let found = self.solve_freely(target, start)?;
+        Ok(self.resolve_redundancy(target, found, &self.options.redundancy))
+    }
+
+    /// Solves like [`solve`](Self::solve), with [`Redundancy::Near`] these angles.
+    ///
+    /// Errors: [`Unsolved`] with the nearest that was found.
+    pub fn solve_near(
+        &self,
+        target: &Pose,
+        start: &Joints<N>,
+        posture: &Joints<N>,
+    ) -> Result<Solution<N>, Unsolved<N>> {
+        let found = self.solve_freely(target, start)?;
+        Ok(self.resolve_redundancy(target, found, &Redundancy::Near(*posture)))
+    }
+
+    /// Solves without use of the remaining freedom.
+    fn solve_freely(&self, target: &Pose, start: &Joints<N>) -> Result<Solution<N>, Unsolved<N>> {
         let mut random = Random::new(self.options.seed);
         let mut iterations = 0;
         let mut nearest: Option<(f64, Solution<N>)> = None;
@@ -174,7 +193,7 @@ impl<const N: usize> Solver<N> {
                 attempts: attempt,
             };
             if self.is_solved(&end.error) {
-                return Ok(self.resolve_redundancy(target, solution));
+                return Ok(solution);
             }
             let size = weighted(&end.error);
             if nearest.is_none_or(|(before, _)| size < before) {
@@ -284,14 +303,19 @@ impl<const N: usize> Solver<N> {
     }
 
     /// Moves the joints of a solution towards the preference while the tool stays; never makes it worse.
-    fn resolve_redundancy(&self, target: &Pose, solution: Solution<N>) -> Solution<N> {
+    fn resolve_redundancy(
+        &self,
+        target: &Pose,
+        solution: Solution<N>,
+        redundancy: &Redundancy<N>,
+    ) -> Solution<N> {
         const STEPS: usize = 8;
-        let (preferred, scale): (Joints<N>, Joints<N>) = match self.options.redundancy {
+        let (preferred, scale): (Joints<N>, Joints<N>) = match redundancy {
             Redundancy::Free => return solution,
-            Redundancy::Near(joints) => (joints, Joints::repeat(1.0)),
+            Redundancy::Near(joints) => (*joints, Joints::repeat(1.0)),
             Redundancy::PreferPosture { weights, .. } if weights.max() <= 0.0 => return solution,
             Redundancy::PreferPosture { to, weights } => {
-                (to, weights.map(|weight| weight.max(0.0).sqrt()))
+                (*to, weights.map(|weight| weight.max(0.0).sqrt()))
             }
             Redundancy::AwayFromLimits => {
                 let limits = self.chain.limits();

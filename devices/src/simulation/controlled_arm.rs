@@ -68,6 +68,8 @@ pub struct SimulatedArm<const N: usize> {
     counts: [i32; N],
     set_point: Joints<N>,
     path: Option<Path<N>>,
+    /// Posture that lines of the tool keep: that in which the first of them began.
+    posture: Option<Joints<N>>,
     floating: bool,
 }
 
@@ -97,6 +99,7 @@ impl<const N: usize> SimulatedArm<N> {
             controller,
             solver,
             path: None,
+            posture: None,
             floating: false,
         }
     }
@@ -113,10 +116,13 @@ impl<const N: usize> SimulatedArm<N> {
         self.check_range(target)?;
         let path = SynchronisedMove::new(self.set_point, *target, limits);
         self.path = Some(Path::Joints(path));
+        self.posture = None;
         Ok(())
     }
 
     /// Starts a straight move of the tool; plans it completely before, which takes some milliseconds.
+    ///
+    /// Successive lines end near the posture in which the first of them began.
     ///
     /// Errors: [`MoveError::StraightLine`], [`MoveError::NotActive`]; then a running move continues.
     pub fn move_line(
@@ -126,8 +132,17 @@ impl<const N: usize> SimulatedArm<N> {
     ) -> Result<(), MoveError<N>> {
         self.check_active()?;
         let period = self.simulator.options().period;
-        let line = StraightLine::plan(&self.solver, &self.set_point, target, options, period)?;
+        let posture = self.posture.unwrap_or(self.set_point);
+        let line = StraightLine::plan_near(
+            &self.solver,
+            &self.set_point,
+            target,
+            &posture,
+            options,
+            period,
+        )?;
         self.path = Some(Path::StraightLine(line));
+        self.posture = Some(posture);
         Ok(())
     }
 
@@ -138,6 +153,7 @@ impl<const N: usize> SimulatedArm<N> {
         self.check_active()?;
         self.check_range(joints)?;
         self.path = None;
+        self.posture = None;
         self.set_point = *joints;
         Ok(())
     }
@@ -157,6 +173,7 @@ impl<const N: usize> SimulatedArm<N> {
 
     fn hold_here(&mut self) {
         self.path = None;
+        self.posture = None;
         // Rounding can put a joint at its limit a count outside.
         self.set_point = self.solver.chain().clamp(&self.measured());
         self.controller.reset();

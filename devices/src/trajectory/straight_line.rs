@@ -120,6 +120,36 @@ impl<const N: usize> StraightLine<N> {
         options: &StraightLineOptions,
         period: Duration,
     ) -> Result<Self, StraightLineError<N>> {
+        Self::plan_with(solver, start, target, None, options, period)
+    }
+
+    /// Plans like [`plan`](Self::plan) a line that ends as near to `posture` as the target allows.
+    ///
+    /// The freedom that seven joints have beyond the pose of the tool changes evenly along the line. Lines that return to a
+    /// target return to the same joint angles, however many others were between. A line that would turn a
+    /// joint too far or too fast for that is planned without `posture`.
+    ///
+    /// Errors: [`StraightLineError`].
+    pub fn plan_near(
+        solver: &Solver<N>,
+        start: &Joints<N>,
+        target: &Pose,
+        posture: &Joints<N>,
+        options: &StraightLineOptions,
+        period: Duration,
+    ) -> Result<Self, StraightLineError<N>> {
+        Self::plan_with(solver, start, target, Some(posture), options, period)
+            .or_else(|_| Self::plan(solver, start, target, options, period))
+    }
+
+    fn plan_with(
+        solver: &Solver<N>,
+        start: &Joints<N>,
+        target: &Pose,
+        posture: Option<&Joints<N>>,
+        options: &StraightLineOptions,
+        period: Duration,
+    ) -> Result<Self, StraightLineError<N>> {
         options.check()?;
         let seconds = period.as_secs_f64();
         let from = solver.chain().forward(start);
@@ -134,6 +164,7 @@ impl<const N: usize> StraightLine<N> {
         let mut joints = Vec::new();
         let mut before = *start;
         loop {
+            let done_before = share.state().position;
             share.advance(seconds);
             let done = share.state().position;
             let percent = done * 100.0;
@@ -141,8 +172,15 @@ impl<const N: usize> StraightLine<N> {
                 Translation3::from(from.translation.vector + way * done),
                 Rotation3::new(turn * done) * from.rotation,
             );
-            let now = solver
-                .solve(&pose, &before)
+            let solved = match posture {
+                None => solver.solve(&pose, &before),
+                // The part of what is left that this period has of the rest of the line: nothing is left at its end.
+                Some(posture) => {
+                    let part = (done - done_before) / (1.0 - done_before);
+                    solver.solve_near(&pose, &before, &before.lerp(posture, part))
+                }
+            };
+            let now = solved
                 .map_err(|source| StraightLineError::Unreachable { percent, source })?
                 .joints;
             let velocities = (now - before) / seconds;
@@ -322,5 +360,81 @@ mod tests {
         )
         .unwrap();
         assert_eq!(line.periods(), 1);
+    }
+
+    /// Moves the tool around a rectangle of lines that end near `start`; returns the joints after each round.
+    fn rounds(near: Option<Joints<7>>) -> Vec<Joints<7>> {
+        let solver = solver();
+        let options = StraightLineOptions::default();
+        let corners = [
+            shifted(0.1, 0.0, 0.1, 0.0),
+            shifted(0.1, -0.15, 0.2, 0.0),
+            shifted(0.0, -0.15, 0.1, 0.0),
+            shifted(0.0, 0.0, 0.0, 0.0),
+        ];
+        let mut joints = start();
+        let mut round = || {
+            for corner in &corners {
+                let line = match &near {
+                    None => StraightLine::plan(&solver, &joints, corner, &options, PERIOD),
+                    Some(posture) => {
+                        StraightLine::plan_near(&solver, &joints, corner, posture, &options, PERIOD)
+                    }
+                };
+                joints = *line.unwrap().last_joints().unwrap();
+            }
+            joints
+        };
+        (0..3).map(|_| round()).collect()
+    }
+
+    #[test]
+    fn lines_that_return_to_a_pose_return_to_their_posture() {
+        for joints in rounds(Some(start())) {
+            assert!((joints - start()).amax() < 1e-3, "{joints}");
+        }
+        let drifted = rounds(None)[2];
+        assert!((drifted - start()).amax() > 0.05, "{drifted}");
+    }
+
+    #[test]
+    fn the_tool_stays_on_a_line_to_another_posture() {
+        let solver = solver();
+        let options = StraightLineOptions::default();
+        let target = shifted(0.1, -0.2, 0.1, 0.0);
+        let posture = start() + Joints::from([0.0, 0.0, 0.4, 0.0, -0.3, 0.0, 0.0]);
+        let mut line =
+            StraightLine::plan_near(&solver, &start(), &target, &posture, &options, PERIOD)
+                .unwrap();
+        let plain = StraightLine::plan(&solver, &start(), &target, &options, PERIOD).unwrap();
+        let from = solver.chain().forward(&start()).translation.vector;
+        let way = target.translation.vector - from;
+        let (mut before, mut velocity) = (start(), Joints::zeros());
+        while let Some(joints) = line.next_joints() {
+            let pose = solver.chain().forward(&joints);
+            let along = way * ((pose.translation.vector - from).dot(&way) / way.norm_squared());
+            assert!((pose.translation.vector - from - along).norm() < 3e-6);
+            let turned = rotation_vector(&(target.rotation * pose.rotation.inverse()));
+            assert!(turned.norm() < 3e-6, "{turned}");
+            let now = (joints - before) / PERIOD.as_secs_f64();
+            // The acceleration of the line, in joints: no joint is thrown into the posture.
+            let most = 3.0 * PERIOD.as_secs_f64();
+            assert!((now - velocity).amax() < most, "{}", now - velocity);
+            (before, velocity) = (joints, now);
+        }
+        let off = |joints: &Joints<7>| (joints - posture).norm();
+        let plain = off(plain.last_joints().unwrap());
+        assert!(off(&before) < 0.9 * plain, "{} {plain}", off(&before));
+    }
+
+    #[test]
+    fn a_short_line_to_a_far_posture_keeps_its_own() {
+        let solver = solver();
+        let options = StraightLineOptions::default();
+        let target = shifted(0.001, 0.0, 0.0, 0.0);
+        let far = start() + Joints::from([0.0, 0.0, 1.5, 0.0, -1.5, 0.0, 0.0]);
+        let near = StraightLine::plan_near(&solver, &start(), &target, &far, &options, PERIOD);
+        let plain = StraightLine::plan(&solver, &start(), &target, &options, PERIOD);
+        assert_eq!(near.unwrap().last_joints(), plain.unwrap().last_joints());
     }
 }

@@ -54,6 +54,8 @@ pub(super) struct Arm<const N: usize> {
     line: LineFollower<N>,
     /// The part of a pose that the tool is moved to.
     task: Task,
+    /// Posture that lines keep, rad: that in which the first of them began, since something else moved the arm.
+    posture: Option<Joints<N>>,
     motion: Motion,
 }
 
@@ -145,6 +147,7 @@ impl<const N: usize> Arm<N> {
             task,
             model,
             device,
+            posture: None,
             motion: Motion::default(),
         })
     }
@@ -192,6 +195,7 @@ impl<const N: usize> Arm<N> {
         }
         // The newer move wins.
         self.line.end()?;
+        self.posture = None;
         self.position().position_move(Axes::All, &targets)?;
         self.motion.begin();
         Ok(Reply::Done)
@@ -215,11 +219,13 @@ impl<const N: usize> Arm<N> {
         };
         let target = IsometryMatrix3::from_parts(Translation3::new(x, y, z), rotation);
         let options = &self.moves.line;
-        match StraightLine::plan(&self.near, &start, &target, options, LINE_PERIOD) {
+        let posture = self.posture.unwrap_or(start);
+        match StraightLine::plan_near(&self.near, &start, &target, &posture, options, LINE_PERIOD) {
             Ok(line) => {
                 // A running joint move would go on as soon as the line ends.
                 self.position().stop(Axes::All)?;
                 self.line.begin(line, start)?;
+                self.posture = Some(posture);
                 self.motion.begin();
                 Ok(Reply::Done)
             }
@@ -321,6 +327,7 @@ impl<const N: usize> ServedArm for Arm<N> {
                 self.go(home.iter().map(|angle| angle.to_degrees()).collect())
             }
             Request::Gravity => {
+                self.posture = None;
                 self.modes()
                     .set_control_modes(Axes::All, &[Mode::Position; N])?;
                 Ok(Reply::Done)
