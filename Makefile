@@ -95,11 +95,11 @@ test-etcd: setup-vision
 stock: setup
 	conformance/stock/install.sh "$(STOCK)"
 
-# `PROFILE=dev` tries what `make test FEATURES=etcd` built, instead of a release. `HALVES=1` runs two halves at once, which needs root.
+# `PROFILE=dev` tries what `make test FEATURES=etcd` built, instead of a release. `PARTS=1` runs three parts at once, which needs root.
 PROFILE ?= release
 
 test-live: $(if $(filter dev,$(PROFILE)),setup,build) stock
-	PROFILE=$(PROFILE) conformance/live/$(if $(HALVES),in_halves,run).sh
+	PROFILE=$(PROFILE) conformance/live/$(if $(PARTS),in_parts,run).sh
 
 # Debian's Python has what reads windows.
 test-gui: build stock

@@ -4,7 +4,7 @@
 #   conformance/live/run.sh           all suites
 #   conformance/live/run.sh copies    those that have this in their title
 #
-# HALF=programs runs the first half, HALF=servers the second, HALF=none only installs and builds. `in_halves.sh` runs both at once.
+# PART=programs, PART=ours and PART=stock each run a part, PART=none only installs and builds. `in_parts.sh` runs all at once.
 #
 # PROFILE=dev tries the programs that the tests were built with, which check more and are slower, instead of a release.
 set -euo pipefail
@@ -36,8 +36,8 @@ fi
 echo "live: the peer is stock $peer, in $STOCK"
 
 . conformance/live/running.sh
-# What failed, which outlives the suite: who runs halves tells it of both at the end.
-failures=target/live/failures-${HALF:-both}
+# What failed, which outlives the suite: who runs parts tells it of all at the end.
+failures=target/live/failures-${PART:-all}
 mkdir -p target/live
 : >"$failures"
 # What name servers of ours keep is no business of the user's.
@@ -132,133 +132,131 @@ try_programs() {
         conformance/live/networks.sh "$ours" "$with_stock"
 }
 
-# Suites that run once with a name server of ours and once with one of stock's.
-try_servers() {
+# Suites with a name server of "ours" or of "stock".
+try_server() {
+    local server=$1 port=$2
     g++ -O1 -std=c++17 -include cstdint conformance/live/logger_peer.cpp -I"$stock_package/include" \
         -L"$stock_package/lib" -lYARP_logger -lYARP_os -lYARP_init -o "$work/logger_peer"
-    # An arm of ours, driven by the stock client, on a name server of ours and on one of stock's.
-    port=15510
-    for server in ours stock; do
-        export YARP_CONFIG_HOME=$work/$server YARP_DATA_HOME=$work/$server/data
-        mkdir -p "$YARP_CONFIG_HOME"
-        if [ "$server" = ours ]; then
-            "$ours" server --ip 127.0.0.1 --socket $port --write >"$work/server.log" 2>&1 &
-        else
-            "$with_stock" yarpserver --ip 127.0.0.1 --socket $port --write >"$work/server.log" 2>&1 &
-        fi
-        running+=($!)
-        until_ok "$ours" where
-        # Whoever has no configuration finds the server by multicast: stock ours, ours stock's.
-        if [ "$server" = ours ]; then finder=("$with_stock" yarp detect); else finder=("$ours" detect); fi
-        suite "the other side finds the name server, server: $server" \
-            env YARP_CONFIG_HOME="$work/empty" conformance/live/says.sh "port $port" "${finder[@]}"
+    export YARP_CONFIG_HOME=$work/$server YARP_DATA_HOME=$work/$server/data
+    mkdir -p "$YARP_CONFIG_HOME"
+    if [ "$server" = ours ]; then
+        "$ours" server --ip 127.0.0.1 --socket $port --write >"$work/server.log" 2>&1 &
+    else
+        "$with_stock" yarpserver --ip 127.0.0.1 --socket $port --write >"$work/server.log" 2>&1 &
+    fi
+    running+=($!)
+    until_ok "$ours" where
+    # Whoever has no configuration finds the server by multicast: stock ours, ours stock's.
+    if [ "$server" = ours ]; then finder=("$with_stock" yarp detect); else finder=("$ours" detect); fi
+    suite "the other side finds the name server, server: $server" \
+        env YARP_CONFIG_HOME="$work/empty" conformance/live/says.sh "port $port" "${finder[@]}"
 
-        mkdir -p "$work/$server/tmp"
-        suite "messages within one machine, server: $server" \
-            env TMPDIR="$work/$server/tmp" YARP_RUNTIME_DIR="$work/$server/tmp" \
-            "$with_stock" "$python" conformance/live/carriers.py "$ours" "$with_stock yarp"
-        suite "clocks, server: $server" \
-            "$with_stock" "$python" conformance/live/clock.py "$ours" "$with_stock yarp"
-        suite "the log in stock's logger, server: $server" \
-            "$with_stock" "$python" conformance/live/log_forwarding.py "$ours" "$work/logger_peer"
-        # Stock's unix_stream needs this, or a user with a name.
-        suite "copies of what ports receive, server: $server" \
-            env TMPDIR="$work/$server/tmp" YARP_RUNTIME_DIR="$work/$server/tmp" \
-            "$with_stock" "$python" conformance/live/copies.py "$ours" "$with_stock yarp"
-        suite "pictures, server: $server" "$with_stock" "$python" conformance/live/mjpeg.py "$ours"
-        suite "pages that talk in frames, server: $server" \
-            "$with_stock" "$python" conformance/live/websocket.py "$ours" "$with_stock yarp"
+    mkdir -p "$work/$server/tmp"
+    suite "messages within one machine, server: $server" \
+        env TMPDIR="$work/$server/tmp" YARP_RUNTIME_DIR="$work/$server/tmp" \
+        "$with_stock" "$python" conformance/live/carriers.py "$ours" "$with_stock yarp"
+    suite "clocks, server: $server" \
+        "$with_stock" "$python" conformance/live/clock.py "$ours" "$with_stock yarp"
+    suite "the log in stock's logger, server: $server" \
+        "$with_stock" "$python" conformance/live/log_forwarding.py "$ours" "$work/logger_peer"
+    # Stock's unix_stream needs this, or a user with a name.
+    suite "copies of what ports receive, server: $server" \
+        env TMPDIR="$work/$server/tmp" YARP_RUNTIME_DIR="$work/$server/tmp" \
+        "$with_stock" "$python" conformance/live/copies.py "$ours" "$with_stock yarp"
+    suite "pictures, server: $server" "$with_stock" "$python" conformance/live/mjpeg.py "$ours"
+    suite "pages that talk in frames, server: $server" \
+        "$with_stock" "$python" conformance/live/websocket.py "$ours" "$with_stock yarp"
 
-        "$ours" up --name /wam --cartesian >"$work/up.log" 2>&1 &
-        arm=$!
-        running+=($arm)
-        until_ok "$ours" exists /wam/stateExt:o
-        for carrier in tcp udp; do
-            suite "stock remote_controlboard over $carrier, server: $server" \
-                "$with_stock" "$python" conformance/live/remote_controlboard.py /wam $carrier
-        done
-        suite "stock's yarp read hears the ends of moves, server: $server" \
-            "$with_stock" "$python" conformance/live/finished_moves.py /wam "$with_stock yarp"
-        suite "modifiers of carriers, server: $server" \
-            "$with_stock" "$python" conformance/live/monitors.py "$ours" \
-            depthimage_to_mono depthimage_to_rgb depthimage_compression_zlib
-        suite "who is heard of several writers, server: $server" \
-            "$with_stock" "$python" conformance/live/priority.py "$ours" "$with_stock yarp"
-        until_ok "$ours" exists /cartController/wam/rpc:i
-        suite "stock tools talk with the controller of a tool, server: $server" \
-            "$with_stock" "$python" conformance/live/cartesian.py /cartController/wam
-        suite "yarp up ends cleanly" bash -c "kill -INT $arm; for i in \$(seq 100); do kill -0 $arm 2>/dev/null || exit 0; sleep 0.1; done; exit 1"
-        start_hand "$ours" "$work/$server/line-of-the-hand"
-        suite "stock moves the fingers of a hand, and types to it, server: $server" \
-            "$with_stock" "$python" conformance/live/hand.py /hand
-        "$ours" up --arm dynamic --name /dynamic >"$work/dynamic.log" 2>&1 &
-        running+=($!)
-        until_ok "$ours" exists /dynamic/stateExt:o
-        suite "stock remote_controlboard pushes an arm with masses, server: $server" \
-            "$with_stock" "$python" conformance/live/dynamic_arm.py /dynamic
-        left=$("$ours" name list | grep -c -e ' /wam/' -e ' /cartController/' || true)
-        suite "no name is left behind" test "$left" = 0
-
-        "$ours" up --arm embedded --name /embedded --ports 14321,14323 >"$work/embedded.log" 2>&1 &
-        running+=($!)
-        "$ours" wam-node --arm simulated --ports 14321,14323 >"$work/node.log" 2>&1 &
-        running+=($!)
-        until_ok "$ours" exists /embedded/stateExt:o
-        suite "stock remote_controlboard drives an arm behind its PC, server: $server" \
-            "$with_stock" "$python" conformance/live/embedded_arm.py /embedded
-
-        "$with_stock" yarpdev --device controlBoard_nws_yarp --subdevice fakeMotionControl \
-            --name /fake --period 0.02 --GENERAL::Joints 3 >"$work/fake.log" 2>&1 &
-        running+=($!)
-        until_ok "$ours" exists /fake/stateExt:o
-        suite "our client drives stock's control board, server: $server" "$built/drive_stock" /fake
-        suite "devices and robots from the same files, server: $server" \
-            "$with_stock" "$python" conformance/live/hosting.py "$ours"
-
-        suite "stock's client reads our sensors, and ours stock's, server: $server" \
-            "$with_stock" "$python" conformance/live/analog_sensors.py "$ours"
-
-        g++ -O1 -std=c++17 -include cstdint conformance/live/sensors_peer.cpp -I"$stock_package/include" \
-            -L"$stock_package/lib" -lYARP_os -lYARP_sig -lYARP_dev -lYARP_init -o "$work/sensors_peer"
-        suite "inertial sensors and torques of other programs, server: $server" \
-            "$with_stock" "$python" conformance/live/inertial_and_torques.py "$ours" "$work/sensors_peer"
-
-        suite "what servers of commands tell about their machine, server: $server" \
-            "$with_stock" "$python" conformance/live/sysinfo.py "$ours"
-        suite "terminals for commands, server: $server" \
-            "$with_stock" "$python" conformance/live/run_terminals.py "$ours"
-        suite "port names of a robot with fakes, server: $server" \
-            "$with_stock" "$python" conformance/live/robot_port_names.py "$ours"
-
-        "$ours" camera --name /eye --mode grid --width 32 --height 24 >"$work/camera.log" 2>&1 &
-        running+=($!)
-        until_ok "$ours" exists /eye
-        "$ours" camera --name /fire --mode grid --width 32 --height 24 --firewire >"$work/firewire.log" 2>&1 &
-        running+=($!)
-        until_ok "$ours" exists /fire
-        suite "stock's clients look through our camera, server: $server" \
-            "$with_stock" "$python" conformance/live/frame_grabber.py /eye /fire
-        "$with_stock" yarpdev --device frameGrabber_nws_yarp --subdevice fakeFrameGrabber \
-            --name /fakecam --width 32 --height 24 --mode line >"$work/fakecam.log" 2>&1 &
-        running+=($!)
-        until_ok "$ours" exists /fakecam
-        suite "our client looks through stock's camera, server: $server" "$built/drive_camera" /fakecam 3.x
-        stop
-        # Numbers that the first server gave out may still be busy.
-        port=$((port + 1000))
+    "$ours" up --name /wam --cartesian >"$work/up.log" 2>&1 &
+    arm=$!
+    running+=($arm)
+    until_ok "$ours" exists /wam/stateExt:o
+    for carrier in tcp udp; do
+        suite "stock remote_controlboard over $carrier, server: $server" \
+            "$with_stock" "$python" conformance/live/remote_controlboard.py /wam $carrier
     done
+    suite "stock's yarp read hears the ends of moves, server: $server" \
+        "$with_stock" "$python" conformance/live/finished_moves.py /wam "$with_stock yarp"
+    suite "modifiers of carriers, server: $server" \
+        "$with_stock" "$python" conformance/live/monitors.py "$ours" \
+        depthimage_to_mono depthimage_to_rgb depthimage_compression_zlib
+    suite "who is heard of several writers, server: $server" \
+        "$with_stock" "$python" conformance/live/priority.py "$ours" "$with_stock yarp"
+    until_ok "$ours" exists /cartController/wam/rpc:i
+    suite "stock tools talk with the controller of a tool, server: $server" \
+        "$with_stock" "$python" conformance/live/cartesian.py /cartController/wam
+    suite "yarp up ends cleanly" bash -c "kill -INT $arm; for i in \$(seq 100); do kill -0 $arm 2>/dev/null || exit 0; sleep 0.1; done; exit 1"
+    start_hand "$ours" "$work/$server/line-of-the-hand"
+    suite "stock moves the fingers of a hand, and types to it, server: $server" \
+        "$with_stock" "$python" conformance/live/hand.py /hand
+    "$ours" up --arm dynamic --name /dynamic >"$work/dynamic.log" 2>&1 &
+    running+=($!)
+    until_ok "$ours" exists /dynamic/stateExt:o
+    suite "stock remote_controlboard pushes an arm with masses, server: $server" \
+        "$with_stock" "$python" conformance/live/dynamic_arm.py /dynamic
+    left=$("$ours" name list | grep -c -e ' /wam/' -e ' /cartController/' || true)
+    suite "no name is left behind" test "$left" = 0
+
+    "$ours" up --arm embedded --name /embedded --ports 14321,14323 >"$work/embedded.log" 2>&1 &
+    running+=($!)
+    "$ours" wam-node --arm simulated --ports 14321,14323 >"$work/node.log" 2>&1 &
+    running+=($!)
+    until_ok "$ours" exists /embedded/stateExt:o
+    suite "stock remote_controlboard drives an arm behind its PC, server: $server" \
+        "$with_stock" "$python" conformance/live/embedded_arm.py /embedded
+
+    "$with_stock" yarpdev --device controlBoard_nws_yarp --subdevice fakeMotionControl \
+        --name /fake --period 0.02 --GENERAL::Joints 3 >"$work/fake.log" 2>&1 &
+    running+=($!)
+    until_ok "$ours" exists /fake/stateExt:o
+    suite "our client drives stock's control board, server: $server" "$built/drive_stock" /fake
+    suite "devices and robots from the same files, server: $server" \
+        "$with_stock" "$python" conformance/live/hosting.py "$ours"
+
+    suite "stock's client reads our sensors, and ours stock's, server: $server" \
+        "$with_stock" "$python" conformance/live/analog_sensors.py "$ours"
+
+    g++ -O1 -std=c++17 -include cstdint conformance/live/sensors_peer.cpp -I"$stock_package/include" \
+        -L"$stock_package/lib" -lYARP_os -lYARP_sig -lYARP_dev -lYARP_init -o "$work/sensors_peer"
+    suite "inertial sensors and torques of other programs, server: $server" \
+        "$with_stock" "$python" conformance/live/inertial_and_torques.py "$ours" "$work/sensors_peer"
+
+    suite "what servers of commands tell about their machine, server: $server" \
+        "$with_stock" "$python" conformance/live/sysinfo.py "$ours"
+    suite "terminals for commands, server: $server" \
+        "$with_stock" "$python" conformance/live/run_terminals.py "$ours"
+    suite "port names of a robot with fakes, server: $server" \
+        "$with_stock" "$python" conformance/live/robot_port_names.py "$ours"
+
+    "$ours" camera --name /eye --mode grid --width 32 --height 24 >"$work/camera.log" 2>&1 &
+    running+=($!)
+    until_ok "$ours" exists /eye
+    "$ours" camera --name /fire --mode grid --width 32 --height 24 --firewire >"$work/firewire.log" 2>&1 &
+    running+=($!)
+    until_ok "$ours" exists /fire
+    suite "stock's clients look through our camera, server: $server" \
+        "$with_stock" "$python" conformance/live/frame_grabber.py /eye /fire
+    "$with_stock" yarpdev --device frameGrabber_nws_yarp --subdevice fakeFrameGrabber \
+        --name /fakecam --width 32 --height 24 --mode line >"$work/fakecam.log" 2>&1 &
+    running+=($!)
+    until_ok "$ours" exists /fakecam
+    suite "our client looks through stock's camera, server: $server" "$built/drive_camera" /fakecam 3.x
+    stop
 }
 
-case ${HALF:-both} in
-both)
+case ${PART:-all} in
+all)
     try_programs
-    try_servers
+    # Numbers that the first server gave out may still be busy.
+    try_server ours 15510
+    try_server stock 16510
     ;;
 programs) try_programs ;;
-servers) try_servers ;;
+ours) try_server ours 15510 ;;
+stock) try_server stock 16510 ;;
 none) exit 0 ;;
 *)
-    echo "live: HALF is programs, servers or none, not $HALF" >&2
+    echo "live: PART is programs, ours, stock or none, not $PART" >&2
     exit 1
     ;;
 esac

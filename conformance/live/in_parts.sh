@@ -1,15 +1,15 @@
 #!/usr/bin/env bash
-# Runs the live suite in two halves at once. Most of a suite is waiting. Needs root.
+# Runs the live suite in three parts at once. Most of a suite is waiting. Needs root.
 #
-# Each half has a network, a /tmp and shared memory of its own: it sees no name server, port or file of the other.
+# Each part has a network, a /tmp and shared memory of its own: it sees no name server, port or file of the others.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 
 # Installs and builds, which needs the network of this machine.
-HALF=none conformance/live/run.sh
+PART=none conformance/live/run.sh
 
-half() {
-    HALF=$1 unshare --net --ipc --mount bash -c '
+part() {
+    PART=$1 unshare --net --ipc --mount bash -c '
         set -euo pipefail
         ip link set lo up
         # An address that is not loopback, and a way for multicast.
@@ -24,19 +24,26 @@ half() {
     '
 }
 
-said=$(mktemp)
+said=$(mktemp -d)
 rm -f target/live/failures-*
-trap 'rm -f "$said"' EXIT
+trap 'rm -rf "$said"' EXIT
 begin=$SECONDS
-half servers >"$said" 2>&1 &
-other=$!
+parts=(programs ours stock)
+others=()
+for name in "${parts[@]:1}"; do
+    part "$name" >"$said/$name" 2>&1 &
+    others+=($!)
+done
 failed=()
-half programs || failed+=(programs)
-wait "$other" || failed+=(servers)
-cat "$said"
+part "${parts[0]}" || failed+=("${parts[0]}")
+for place in "${!others[@]}"; do
+    name=${parts[place + 1]}
+    wait "${others[place]}" || failed+=("$name")
+    cat "$said/$name"
+done
 for name in "${failed[@]}"; do
-    echo "live: the half with the $name failed in:"
+    echo "live: the part \"$name\" failed in:"
     tail -n 20 "target/live/failures-$name" 2>/dev/null || echo "(before its first suite)"
 done
-echo "live: both halves took $((SECONDS - begin)) s"
+echo "live: all parts took $((SECONDS - begin)) s"
 [ "${#failed[@]}" = 0 ]
