@@ -10,6 +10,7 @@ use yarp_wire::connection::{Initiator, Progress, ProtocolError};
 use yarp_wire::message::{Command, Payload, WireObject};
 use yarp_wire::{Bottle, Limits};
 
+use crate::compiled_here::CompiledHere;
 use crate::connect::connect_over;
 use crate::error::PortError;
 use crate::network::Network;
@@ -37,39 +38,52 @@ impl AdminClient {
     /// Each wait ends at the deadline of `network`, whose key is shown if it has one.
     pub async fn open(
         peer: &str,
-        (host, port): (&str, u16),
+        address: (&str, u16),
         carrier: &'static Carrier,
         sender: &str,
         network: &Network,
     ) -> Result<Self, PortError> {
-        // The question itself is asked in text, so that it does not lead back here.
-        let is_binary = carrier.protocol.payload_kind().are_binary();
-        // Stock has no encrypted carrier, and ports of ours read both.
-        let wire_version = match is_binary && carrier.transport != Transport::Encrypted {
-            true => Box::pin(version_probe::peer_version(peer, (host, port), network)).await,
-            false => None,
-        };
-        let connecting = connect_over(peer, host, port, network, carrier.transport);
-        let stream = connecting.await?;
-        let mut output = BytesMut::new();
-        let initiator = Initiator::new(
-            carrier,
-            &Sender::plain(sender),
-            wire_version.unwrap_or_default(),
-            Limits::DEFAULT,
-            &mut output,
-        );
-        let mut client = Self {
-            peer: peer.to_owned(),
-            stream,
-            initiator,
-            input: ReadBuffer::default(),
-            output,
-            deadline: network.timeout(),
-        };
-        client.flush().await?;
-        client.progress("connection header").await?;
-        client.switch_transport().await
+        Self::opening(peer, address, carrier, sender, network).await
+    }
+
+    #[inline(never)]
+    fn opening<'a>(
+        peer: &'a str,
+        (host, port): (&'a str, u16),
+        carrier: &'static Carrier,
+        sender: &'a str,
+        network: &'a Network,
+    ) -> CompiledHere<'a, Result<Self, PortError>> {
+        Box::pin(async move {
+            // The question itself is asked in text, so that it does not lead back here.
+            let is_binary = carrier.protocol.payload_kind().are_binary();
+            // Stock has no encrypted carrier, and ports of ours read both.
+            let wire_version = match is_binary && carrier.transport != Transport::Encrypted {
+                true => version_probe::peer_version(peer, (host, port), network).await,
+                false => None,
+            };
+            let connecting = connect_over(peer, host, port, network, carrier.transport);
+            let stream = connecting.await?;
+            let mut output = BytesMut::new();
+            let initiator = Initiator::new(
+                carrier,
+                &Sender::plain(sender),
+                wire_version.unwrap_or_default(),
+                Limits::DEFAULT,
+                &mut output,
+            );
+            let mut client = Self {
+                peer: peer.to_owned(),
+                stream,
+                initiator,
+                input: ReadBuffer::default(),
+                output,
+                deadline: network.timeout(),
+            };
+            client.flush().await?;
+            client.progress("connection header").await?;
+            client.switch_transport().await
+        })
     }
 
     /// Switches to the transport that carries the messages of the carrier.
@@ -99,18 +113,29 @@ impl AdminClient {
         command: &Command,
         content: &(dyn WireObject + Sync),
     ) -> Result<Payload, PortError> {
-        self.initiator
-            .send_object(command, content, &mut self.output);
-        self.flush().await?;
-        let mut reply = None;
-        while !self.initiator.is_idle() {
-            if let Progress::Reply(payload) = self.progress("reply").await? {
-                reply = Some(payload);
+        self.requesting(command, content).await
+    }
+
+    #[inline(never)]
+    fn requesting<'a>(
+        &'a mut self,
+        command: &'a Command,
+        content: &'a (dyn WireObject + Sync),
+    ) -> CompiledHere<'a, Result<Payload, PortError>> {
+        Box::pin(async move {
+            self.initiator
+                .send_object(command, content, &mut self.output);
+            self.flush().await?;
+            let mut reply = None;
+            while !self.initiator.is_idle() {
+                if let Progress::Reply(payload) = self.progress("reply").await? {
+                    reply = Some(payload);
+                }
             }
-        }
-        reply.ok_or_else(|| PortError::Lost {
-            peer: self.peer.clone(),
-            reason: "no reply came".to_owned(),
+            reply.ok_or_else(|| PortError::Lost {
+                peer: self.peer.clone(),
+                reason: "no reply came".to_owned(),
+            })
         })
     }
 

@@ -5,14 +5,13 @@
 
 use std::cell::Cell;
 use std::future::Future;
-use std::pin::Pin;
-use std::sync::OnceLock;
-use std::sync::mpsc;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError, mpsc};
 use std::time::Duration;
 
 use tokio::runtime::{Builder, Runtime};
 use yarp_wire::message::{ReadObject, WireObject};
 
+use crate::compiled_here::CompiledHere;
 use crate::error::PortError;
 use crate::network::Network;
 use crate::port::{PortOptions, Received};
@@ -38,20 +37,32 @@ thread_local! {
 
 /// Runs a future to its end on the threads of this module. The future is dropped before this returns.
 pub fn wait<T: Send + 'static>(future: impl Future<Output = T> + Send + 'static) -> T {
-    let (sender, receiver) = mpsc::sync_channel(1);
-    // Boxed, so that the task that runs it is compiled once for all futures.
-    let task: Pin<Box<dyn Future<Output = ()> + Send>> = Box::pin(async move {
-        let result = future.await;
-        // The receiver waits below.
-        let _ = sender.send(result);
+    let result = Arc::new(Mutex::new(None));
+    let slot = Arc::clone(&result);
+    wait_for(Box::pin(async move {
+        let value = future.await;
+        *slot.lock().unwrap_or_else(PoisonError::into_inner) = Some(value);
+    }));
+    let value = result.lock().unwrap_or_else(PoisonError::into_inner).take();
+    value.expect("the future runs to its end")
+}
+
+/// Runs a task to its end, also if it panics. What does not depend on its result is compiled once.
+fn wait_for(task: CompiledHere<'static, ()>) {
+    let (ending, ended) = mpsc::sync_channel::<()>(0);
+    runtime().spawn(async move {
+        let _ending = ending;
+        task.await;
     });
-    runtime().spawn(task);
-    let receive = || receiver.recv().expect("the future runs to its end");
+    let receive = || {
+        // Nothing is sent: the end of the task drops the other side.
+        let _ = ended.recv();
+    };
     if OWN.get() {
         // A handler of a port that calls another device: its tasks move to another thread meanwhile.
-        tokio::task::block_in_place(receive)
+        tokio::task::block_in_place(receive);
     } else {
-        receive()
+        receive();
     }
 }
 

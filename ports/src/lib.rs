@@ -19,6 +19,7 @@ mod auth_step;
 mod available_carriers;
 pub mod blocking;
 mod cancel;
+mod compiled_here;
 pub mod config;
 mod connect;
 pub mod discovery_client;

@@ -16,6 +16,7 @@ use yarp_wire::name_service::{
 
 use crate::addresses;
 use crate::available_carriers;
+use crate::compiled_here::CompiledHere;
 use crate::config::{Configuration, DEFAULT_NAMESPACE, NameServer, Namespace};
 use crate::connect::connect;
 use crate::error::PortError;
@@ -436,15 +437,19 @@ impl Network {
     /// answer in its share of the timeout, or reports that it cannot serve the request at the
     /// moment.
     pub async fn ask(&self, request: &str) -> Result<Answer, PortError> {
-        self.at_each_server(|network| async move {
+        self.asking(request).await
+    }
+
+    #[inline(never)]
+    fn asking<'a>(&'a self, request: &'a str) -> CompiledHere<'a, Result<Answer, PortError>> {
+        Box::pin(self.at_each_server(move |network| async move {
             let answer = network.ask_there(request).await?;
             let first = answer.lines().next();
             match first.is_some_and(|line| line.starts_with(UNSUPPORTED_PREFIX)) {
                 true => Err(network.refused(request, &answer)),
                 false => Ok(answer),
             }
-        })
-        .await
+        }))
     }
 
     /// Tries an action at each address of the name server until it succeeds; returns the result of
@@ -534,17 +539,24 @@ impl Network {
 
     /// Returns the address of a port, from the first name server that knows it.
     pub async fn query(&self, name: &str) -> Result<Endpoint, PortError> {
-        let mut result = Err(PortError::NoNameServer);
-        for network in self.each() {
-            match (network.query_one(name).await, &result) {
-                (Ok(endpoint), _) => return Ok(endpoint),
-                // One that answers is worth more than one that is away.
-                (unknown @ Err(PortError::Unknown { .. }), _) => result = unknown,
-                (error, Err(PortError::NoNameServer)) => result = error,
-                (Err(error), _) => tracing::debug!("{}", error.error_chain()),
+        self.querying(name).await
+    }
+
+    #[inline(never)]
+    fn querying<'a>(&'a self, name: &'a str) -> CompiledHere<'a, Result<Endpoint, PortError>> {
+        Box::pin(async move {
+            let mut result = Err(PortError::NoNameServer);
+            for network in self.each() {
+                match (network.query_one(name).await, &result) {
+                    (Ok(endpoint), _) => return Ok(endpoint),
+                    // One that answers is worth more than one that is away.
+                    (unknown @ Err(PortError::Unknown { .. }), _) => result = unknown,
+                    (error, Err(PortError::NoNameServer)) => result = error,
+                    (Err(error), _) => tracing::debug!("{}", error.error_chain()),
+                }
             }
-        }
-        result
+            result
+        })
     }
 
     async fn query_one(&self, name: &str) -> Result<Endpoint, PortError> {

@@ -9,6 +9,7 @@ use yarp_wire::message::Command;
 use yarp_wire::{Bottle, Contact, Value};
 
 use crate::admin_client::AdminClient;
+use crate::compiled_here::CompiledHere;
 use crate::error::PortError;
 use crate::log_text::printable;
 use crate::network::{Endpoint, Network};
@@ -65,8 +66,19 @@ pub async fn administer(
     endpoint: &Endpoint,
     request: &Bottle,
 ) -> Result<Bottle, PortError> {
-    let mut client = open_admin_client(network, endpoint, ADMIN).await?;
-    client.admin(request).await
+    administering(network, endpoint, request).await
+}
+
+#[inline(never)]
+fn administering<'a>(
+    network: &'a Network,
+    endpoint: &'a Endpoint,
+    request: &'a Bottle,
+) -> CompiledHere<'a, Result<Bottle, PortError>> {
+    Box::pin(async move {
+        let mut client = open_admin_client(network, endpoint, ADMIN).await?;
+        client.admin(request).await
+    })
 }
 
 /// Returns the lines in which a port describes itself.
@@ -136,25 +148,37 @@ pub async fn connect(
     destination: &str,
     carrier: Option<&str>,
 ) -> Result<String, ConnectError> {
-    let (from, to) = (Contact::parse(source), Contact::parse(destination));
-    let (source, destination) = both(network, &from, &to).await?;
-    let carrier = carrier
-        .map(str::to_owned)
-        .or(to.carrier.clone())
-        .or(from.carrier.clone())
-        .unwrap_or_else(|| destination.carrier.clone());
-    if !pushes(&carrier) {
-        return pull(network, &source, &from, &destination, &carrier).await;
-    }
-    let known = connection(network, &source, &destination.name).await?;
-    known.iter().for_each(report);
-    if known.is_none_or(|known| known.connectionless) {
-        // A connection that the writer does not control may linger at the reader.
-        forget_connectionless(network, &source, &destination, &carrier).await;
-    }
-    let request = admin::add(&format!("{carrier}:/{}", at(&to, &destination)));
-    let answer = administer(network, &source, &request).await?;
-    judge(&answer)
+    connecting(network, source, destination, carrier).await
+}
+
+#[inline(never)]
+fn connecting<'a>(
+    network: &'a Network,
+    source: &'a str,
+    destination: &'a str,
+    carrier: Option<&'a str>,
+) -> CompiledHere<'a, Result<String, ConnectError>> {
+    Box::pin(async move {
+        let (from, to) = (Contact::parse(source), Contact::parse(destination));
+        let (source, destination) = both(network, &from, &to).await?;
+        let carrier = carrier
+            .map(str::to_owned)
+            .or(to.carrier.clone())
+            .or(from.carrier.clone())
+            .unwrap_or_else(|| destination.carrier.clone());
+        if !pushes(&carrier) {
+            return pull(network, &source, &from, &destination, &carrier).await;
+        }
+        let known = connection(network, &source, &destination.name).await?;
+        known.iter().for_each(report);
+        if known.is_none_or(|known| known.connectionless) {
+            // A connection that the writer does not control may linger at the reader.
+            forget_connectionless(network, &source, &destination, &carrier).await;
+        }
+        let request = admin::add(&format!("{carrier}:/{}", at(&to, &destination)));
+        let answer = administer(network, &source, &request).await?;
+        judge(&answer)
+    })
 }
 
 /// Asks the reader to connect to the writer, as stock does for carriers that do not push.
@@ -231,22 +255,33 @@ pub async fn disconnect(
     source: &str,
     destination: &str,
 ) -> Result<String, ConnectError> {
-    let (from, to) = (Contact::parse(source), Contact::parse(destination));
-    let (source, destination) = both(network, &from, &to).await?;
-    let known = connection(network, &source, &destination.name).await?;
-    if let Some(known) = known {
-        report(&known);
-        let request = admin::remove(&destination.name);
-        let answer = administer(network, &source, &request).await?;
-        return judge(&answer);
-    }
-    // One that the reader made is known to the reader alone.
-    let known = input(network, &destination, &source.name).await?;
-    let pulled = known.filter(|known| !pushes(&known.carrier));
-    report(&pulled.ok_or(ConnectError::NoConnection)?);
-    let request = admin::remove(&source.name);
-    let answer = administer(network, &destination, &request).await?;
-    judge(&answer)
+    disconnecting(network, source, destination).await
+}
+
+#[inline(never)]
+fn disconnecting<'a>(
+    network: &'a Network,
+    source: &'a str,
+    destination: &'a str,
+) -> CompiledHere<'a, Result<String, ConnectError>> {
+    Box::pin(async move {
+        let (from, to) = (Contact::parse(source), Contact::parse(destination));
+        let (source, destination) = both(network, &from, &to).await?;
+        let known = connection(network, &source, &destination.name).await?;
+        if let Some(known) = known {
+            report(&known);
+            let request = admin::remove(&destination.name);
+            let answer = administer(network, &source, &request).await?;
+            return judge(&answer);
+        }
+        // One that the reader made is known to the reader alone.
+        let known = input(network, &destination, &source.name).await?;
+        let pulled = known.filter(|known| !pushes(&known.carrier));
+        report(&pulled.ok_or(ConnectError::NoConnection)?);
+        let request = admin::remove(&source.name);
+        let answer = administer(network, &destination, &request).await?;
+        judge(&answer)
+    })
 }
 
 async fn both(

@@ -16,6 +16,7 @@ use super::port_context::{CLOSE_TIMEOUT, PortContext, is_port};
 use super::port_options::ConnectionChange;
 use super::socket_handle::SocketHandle;
 use crate::cancel::join;
+use crate::compiled_here::CompiledHere;
 use crate::error::PortError;
 use crate::log_text::{LogLimit, printable};
 use crate::network::Endpoint;
@@ -152,19 +153,22 @@ impl Connections {
     }
 
     /// Ends the outgoing connections to `name`; returns whether there was one.
-    pub(crate) async fn disconnect(&self, name: &str) -> bool {
-        let gone: Vec<_> = Arc::make_mut(&mut self.outputs_mut())
-            .extract_if(.., |output| output.to == name)
-            .collect();
-        self.count_ended(&gone);
-        close_outputs(&gone).await;
-        for output in &gone {
-            self.report_output(output, false);
-        }
-        if gone.iter().any(|output| output.group.is_some()) {
-            self.release_groups().await;
-        }
-        !gone.is_empty()
+    #[inline(never)]
+    pub(crate) fn disconnect<'a>(&'a self, name: &'a str) -> CompiledHere<'a, bool> {
+        Box::pin(async move {
+            let gone: Vec<_> = Arc::make_mut(&mut self.outputs_mut())
+                .extract_if(.., |output| output.to == name)
+                .collect();
+            self.count_ended(&gone);
+            close_outputs(&gone).await;
+            for output in &gone {
+                self.report_output(output, false);
+            }
+            if gone.iter().any(|output| output.group.is_some()) {
+                self.release_groups().await;
+            }
+            !gone.is_empty()
+        })
     }
 
     /// Returns the multicast group of this port in the network of a reader, for the owner's

@@ -168,13 +168,8 @@ impl Port {
     ) -> Result<Self, PortError> {
         // In a task of its own: the name may be registered before the caller is cancelled.
         let (network, name) = (network.clone(), network.full_name(name));
-        let (asked, unfinished) = (name.clone(), Unfinished::new());
-        let opening = tokio::spawn(async move {
-            let opened = Self::open_uncancelled(&network, name, options).await;
-            // A port that nobody receives is dropped with the task, and counts from then on.
-            (opened, unfinished)
-        });
-        match opening.await {
+        let asked = name.clone();
+        match Self::start_opening(network, name, options).await {
             Ok((opened, _)) => opened,
             Err(error) => match error.try_into_panic() {
                 Ok(panic) => std::panic::resume_unwind(panic),
@@ -182,6 +177,21 @@ impl Port {
                 Err(_) => Err(PortError::Closed { name: asked }),
             },
         }
+    }
+
+    /// Opens a port in a task, which is compiled here.
+    #[inline(never)]
+    fn start_opening(
+        network: Network,
+        name: String,
+        options: PortOptions,
+    ) -> JoinHandle<(Result<Self, PortError>, Unfinished)> {
+        let unfinished = Unfinished::new();
+        tokio::spawn(async move {
+            let opened = Self::open_uncancelled(&network, name, options).await;
+            // A port that nobody receives is dropped with the task, and counts from then on.
+            (opened, unfinished)
+        })
     }
 
     async fn open_uncancelled(

@@ -15,6 +15,7 @@ use super::output::{Output, Target};
 use super::port_context::PortContext;
 use super::port_options::Outputs;
 use crate::available_carriers;
+use crate::compiled_here::CompiledHere;
 use crate::error::{PortError, resolve};
 use crate::network::Endpoint;
 use crate::port_limits;
@@ -44,8 +45,12 @@ impl Connector {
 
     /// Connects to a reader, whose name is the answer; connections to it end first. Over a carrier
     /// that does not push, connects to a writer and reads from it.
-    pub(crate) async fn connect(&self, to: &Contact) -> Result<String, PortError> {
-        self.connect_for(to, false).await
+    #[inline(never)]
+    pub(crate) fn connect<'a>(
+        &'a self,
+        to: &'a Contact,
+    ) -> CompiledHere<'a, Result<String, PortError>> {
+        Box::pin(self.connect_for(to, false))
     }
 
     /// Connects like [`Connector::connect`]; on behalf of a peer, which needs that right on the
