@@ -287,6 +287,32 @@ fn an_arm_behind_its_pc_moves_joints_and_tool() {
 }
 
 #[test]
+fn a_driver_of_other_joints_than_its_arm_has_says_what_to_set() {
+    let with_wrist: Arc<dyn Device> = Arc::new(SimulatedWam::new());
+    let arms = [
+        (with_wrist, parameters_of::<4>().to_vec(), "for 4 joints"),
+        (
+            Arc::new(ideal()) as _,
+            parameters_of::<7>().to_vec(),
+            "for 7 joints",
+        ),
+    ];
+    for (arm, joints, expected) in arms {
+        let options = DriverOptions {
+            joints,
+            timeout: Duration::from_millis(300),
+            ..DriverOptions::new(LinkMode::listen_on_loopback())
+        };
+        let driver = EmbeddedWam::start(options).unwrap();
+        let node = NodeOptions::new(LinkMode::Connect(driver.addresses()));
+        let _node = WamNode::start(arm, node).unwrap();
+        let reason = || driver.encoder_readings(Axes::All).unwrap_err().to_string();
+        eventually("the reason", || reason().contains("set `joints`"));
+        assert!(reason().contains(expected), "{}", reason());
+    }
+}
+
+#[test]
 fn other_numbers_of_joints_are_refused_by_the_pc() {
     let five = SimulatedWam::with_axes(yarp_devices::wam::parameters().into_iter().take(5));
     let node = NodeOptions::new(LinkMode::listen_on_loopback());

@@ -17,6 +17,8 @@ use crate::embedded::protocol::{ARM, PacketReader, Reply, ReplyReader, Request, 
 use crate::periodic_timer::{CycleStatistics, MissedCycles, PeriodicTimer};
 use crate::{DeviceError, EncoderReading};
 
+/// Step of an exchange that has begun to be answered.
+const READING: &str = "reading its answer";
 /// Maximum angle of any joint of an arm, rad: larger values are noise.
 const MAX_JOINT_ANGLE: f64 = 10.0;
 /// Maximum number of reads of packets per cycle, so that a flood of them leaves time for the rest.
@@ -95,7 +97,15 @@ impl<'a> Session<'a> {
         let peer = prepare().map_err(|error| self.broken("opening the connection", &error))?;
         self.shared.lock().link.peer = format!("the embedded PC at {peer}");
         // Before anything changes: an arm with other joints than this driver's shows here.
-        self.read_joints()?;
+        let joints = options.joints.len();
+        self.read_joints().map_err(|mut error| {
+            if error.step.ends_with(READING) {
+                error.step += &format!(
+                    " for {joints} joints (if the arm has another number of them, set `joints`)"
+                );
+            }
+            error
+        })?;
         let mut up = LinkState::Idle;
         if options.gravity {
             match self.exchange(&Request::Gravity)? {
@@ -355,7 +365,7 @@ impl<'a> Session<'a> {
         let mut piece = [0; 64];
         loop {
             let doing = if reader.has_begun() {
-                "reading its answer"
+                READING
             } else {
                 "waiting for its acknowledgement"
             };
