@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use yarp_devices::can::puck::Node;
+use yarp_devices::can::puck::{Address, Node, PuckMessage, PuckProperty, status};
 use yarp_devices::simulation::WakeUp;
 use yarp_devices::wam::WamModel;
 use yarp_devices::wam::can::CanWam;
@@ -65,6 +65,28 @@ fn a_puck_that_never_wakes_is_named() {
         assert!(error.contains("waking pucks"), "{error}");
         assert!(error.contains(&named), "{error}");
     }
+}
+
+#[test]
+fn a_lost_command_to_wake_is_repeated() {
+    let rig = Memory::new();
+    for node in nodes() {
+        let soon = waking_after(Some(Duration::from_millis(100)));
+        rig.pucks().lock().set_wake_up(node, soon);
+    }
+    let wake = PuckMessage::Value {
+        property: PuckProperty::STAT,
+        value: status::READY,
+    };
+    let wake = wake.frame(Address::from_host(Node::of_motor(2)));
+    let mut lost = 0;
+    rig.wire().lock().loss = Some(Box::new(move |frame| {
+        let loses = lost == 0 && *frame == wake;
+        lost += u32::from(loses);
+        loses
+    }));
+    let started = CanWam::start(WamModel::<7>::new(), options(), rig.open());
+    assert!(started.is_ok(), "{:?}", started.err());
 }
 
 /// Later than the documented limit, 1 s of silence and [`wake_timeout`](yarp_devices::wam::can::CanOptions).
