@@ -162,6 +162,22 @@ fn viscous_friction_is_told_per_degree() {
 }
 
 #[test]
+fn frictions_have_a_range() {
+    let arm = dynamic();
+    for (name, most) in [("coulomb_friction", 100.0), ("viscous_friction", 10.0)] {
+        for (asked, fits) in [
+            (0.0, true),
+            (-0.001, false),
+            (most, true),
+            (most * 1.01, false),
+        ] {
+            let taken = arm.set_variable(name, &values(&[asked; 7]));
+            assert_eq!(taken.is_ok(), fits, "{name} {asked}");
+        }
+    }
+}
+
+#[test]
 fn pucks_tell_their_properties() {
     let rig = Memory::new();
     let arm = active(&rig);

@@ -7,7 +7,7 @@ use yarp_devices::cartesian::{CartesianController, CartesianOptions};
 use yarp_devices::wam::{SimulatedWam, WamModel};
 use yarp_devices::{
     Axes, CartesianControl, CartesianEvent, ControlLimits, ControlMode, Device, DeviceError,
-    Encoders, Limits, Mode, Target, checks,
+    Encoders, Limits, Mode, Target, TweakChange, checks,
 };
 use yarp_testing::eventually;
 
@@ -206,6 +206,29 @@ fn a_time_out_of_its_range_is_refused() {
     assert_eq!(positions(&arm), before);
     for time in [0.05, 600.0] {
         tool.set_trajectory_time(time).unwrap();
+    }
+}
+
+/// A metre is no tolerance any more; that of the solver is at most a centimetre.
+#[test]
+fn tolerances_and_iterations_out_of_their_ranges_are_refused() {
+    let (_arm, tool) = controller();
+    for (tolerance, fits) in [(1e-6, true), (9e-7, false), (1.0, true), (1.01, false)] {
+        assert_eq!(tool.set_tolerance(tolerance).is_ok(), fits, "{tolerance}");
+    }
+    for (tolerance, fits) in [(1e-9, true), (9e-10, false), (0.01, true), (0.0101, false)] {
+        let change = TweakChange {
+            tolerance: Some(tolerance),
+            ..TweakChange::default()
+        };
+        assert_eq!(tool.tweak(change).is_ok(), fits, "{tolerance}");
+    }
+    for (iterations, fits) in [(1, true), (0, false), (1000, true), (1001, false)] {
+        let change = TweakChange {
+            iterations: Some(iterations),
+            ..TweakChange::default()
+        };
+        assert_eq!(tool.tweak(change).is_ok(), fits, "{iterations}");
     }
 }
 

@@ -196,6 +196,17 @@ fn a_simulated_puck_follows_its_own_largest_torque() {
     assert_ne!(speed(1000), speed(900));
 }
 
+#[test]
+fn the_safety_module_is_heard_each_second() {
+    let mut pucks = SimulatedPucks::new(WamModel::<7>::new(), SimulatorOptions::default());
+    let mut frames = Vec::new();
+    for _ in 0..3500 {
+        pucks.advance(Duration::from_millis(1), &mut frames);
+    }
+    let heard = frames.iter().filter(|frame| frame.id() == 0x540).count();
+    assert_eq!(heard, 3);
+}
+
 /// The base turns about the vertical, so that its weight does not move it.
 #[test]
 fn a_puck_that_is_switched_off_forgets_its_torque() {

@@ -89,6 +89,26 @@ fn a_lost_command_to_wake_is_repeated() {
     assert!(started.is_ok(), "{:?}", started.err());
 }
 
+/// A question that is lost twice is asked again; after three losses the puck counts as silent.
+#[test]
+fn lost_questions_are_repeated() {
+    for (losses, starts) in [(2, true), (3, false)] {
+        for property in [PuckProperty::VERS, PuckProperty::P] {
+            let rig = Memory::new();
+            let address = Address::from_host(Node::of_motor(2));
+            let question = PuckMessage::Get(property).frame(address);
+            let mut left = losses;
+            rig.wire().lock().loss = Some(Box::new(move |frame| {
+                let loses = left > 0 && *frame == question;
+                left -= u32::from(loses);
+                loses
+            }));
+            let started = CanWam::start(WamModel::<7>::new(), options(), rig.open());
+            assert_eq!(started.is_ok(), starts, "{property}, {losses} losses");
+        }
+    }
+}
+
 /// Later than the documented limit, 1 s of silence and [`wake_timeout`](yarp_devices::wam::can::CanOptions).
 #[test]
 fn pucks_later_than_the_limit_are_an_error() {

@@ -634,6 +634,15 @@ mod tests {
     }
 
     #[test]
+    fn frictions_have_a_range() {
+        let mut model = shoulder();
+        for (asked, fits) in [(0.01, true), (0.009, false), (1e3, true), (1001.0, false)] {
+            let taken = model.set_variable(FRICTION, &[VariableValue::Number(asked)]);
+            assert_eq!(taken.is_ok(), fits, "{asked}");
+        }
+    }
+
+    #[test]
     fn an_amplifier_gives_half_its_largest_current_for_ever() {
         let model = shoulder();
         let limit = |limit| model.amplifier_limit(limit, 0.into()).unwrap();

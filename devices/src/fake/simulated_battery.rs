@@ -128,6 +128,7 @@ mod tests {
             (after(1.0).charge, after(1.0).status),
             (50.0, BatteryStatus::InUse)
         );
+        assert_eq!(after(0.0).temperature, 25.0);
         // Low below 15 percent, critical below 5.
         assert_eq!(after(1.68).status, BatteryStatus::InUse);
         assert_eq!(after(1.72).status, BatteryStatus::Low);
