@@ -147,6 +147,36 @@ fn friction_can_be_taken_away() {
     until("a base that gives way", || place(&arm, BASE) < -1.5);
 }
 
+/// A friction per deg/s is 57.2958 times as much per rad/s.
+#[test]
+fn viscous_friction_is_told_per_degree() {
+    let arm = dynamic();
+    arm.set_variable("viscous_friction", &values(&[0.02; 7]))
+        .expect("it is taken");
+    let per_radian = arm.with(|arm| arm.simulator().model().friction[6].viscous);
+    assert!((per_radian - 1.145_916).abs() < 1e-6, "{per_radian}");
+    let VariableValue::Number(told) = arm.variable("viscous_friction").unwrap()[6] else {
+        panic!("no number");
+    };
+    assert!((told - 0.02).abs() < 1e-12, "{told}");
+}
+
+#[test]
+fn frictions_have_a_range() {
+    let arm = dynamic();
+    for (name, most) in [("coulomb_friction", 100.0), ("viscous_friction", 10.0)] {
+        for (asked, fits) in [
+            (0.0, true),
+            (-0.001, false),
+            (most, true),
+            (most * 1.01, false),
+        ] {
+            let taken = arm.set_variable(name, &values(&[asked; 7]));
+            assert_eq!(taken.is_ok(), fits, "{name} {asked}");
+        }
+    }
+}
+
 #[test]
 fn pucks_tell_their_properties() {
     let rig = Memory::new();

@@ -6,8 +6,8 @@ use std::time::Duration;
 use yarp_devices::cartesian::{CartesianController, CartesianOptions};
 use yarp_devices::wam::{SimulatedWam, WamModel};
 use yarp_devices::{
-    Axes, CartesianControl, CartesianEvent, ControlMode, Device, DeviceError, Encoders, Mode,
-    Target, checks,
+    Axes, CartesianControl, CartesianEvent, ControlLimits, ControlMode, Device, DeviceError,
+    Encoders, Limits, Mode, Target, TweakChange, checks,
 };
 use yarp_testing::eventually;
 
@@ -178,4 +178,112 @@ fn what_is_no_arm_of_that_kind_is_refused() {
     ));
     let seven = Arc::new(SimulatedWam::new());
     assert!(matches!(start(seven), Err(DeviceError::WrongCount { .. })));
+}
+
+/// As documented: 2 s for a motion, 1 cm, and the middles of the joints' ranges as rest posture.
+#[test]
+fn the_settings_at_the_start_are_those_documented() {
+    let (_arm, tool) = controller();
+    assert_eq!(tool.trajectory_time().unwrap(), 2.0);
+    assert_eq!(tool.tolerance().unwrap(), 0.01);
+    assert!(!tool.tracking().unwrap() && !tool.reference_mode().unwrap());
+    let rest = tool.rest_positions().unwrap();
+    let middles = [0.0, 0.0, 0.0, 1.115, -1.76, 0.0, 0.0].map(f64::to_degrees);
+    for (rest, middle) in rest.iter().zip(middles) {
+        assert!((rest - middle).abs() < 1e-9, "{rest}, not {middle}");
+    }
+}
+
+#[test]
+fn a_time_out_of_its_range_is_refused() {
+    let (arm, tool) = controller();
+    let before = positions(&arm);
+    for time in [0.04, 601.0] {
+        assert!(tool.go_to(PLACE, Some(time)).is_err(), "{time} s");
+        assert!(tool.set_trajectory_time(time).is_err(), "{time} s");
+    }
+    assert!(tool.motion_done().unwrap());
+    assert_eq!(positions(&arm), before);
+    for time in [0.05, 600.0] {
+        tool.set_trajectory_time(time).unwrap();
+    }
+}
+
+/// A metre is no tolerance any more; that of the solver is at most a centimetre.
+#[test]
+fn tolerances_and_iterations_out_of_their_ranges_are_refused() {
+    let (_arm, tool) = controller();
+    for (tolerance, fits) in [(1e-6, true), (9e-7, false), (1.0, true), (1.01, false)] {
+        assert_eq!(tool.set_tolerance(tolerance).is_ok(), fits, "{tolerance}");
+    }
+    for (tolerance, fits) in [(1e-9, true), (9e-10, false), (0.01, true), (0.0101, false)] {
+        let change = TweakChange {
+            tolerance: Some(tolerance),
+            ..TweakChange::default()
+        };
+        assert_eq!(tool.tweak(change).is_ok(), fits, "{tolerance}");
+    }
+    for (iterations, fits) in [(1, true), (0, false), (1000, true), (1001, false)] {
+        let change = TweakChange {
+            iterations: Some(iterations),
+            ..TweakChange::default()
+        };
+        assert_eq!(tool.tweak(change).is_ok(), fits, "{iterations}");
+    }
+}
+
+/// A rest posture outside the limits would draw the arm onto its stops.
+#[test]
+fn a_rest_posture_is_within_the_limits() {
+    let (_arm, tool) = controller();
+    let limits: Vec<_> = (0..7)
+        .map(|joint: usize| tool.joint_limits(joint.into()).unwrap())
+        .collect();
+    for asked in [400.0, -400.0] {
+        let kept = tool.set_rest_positions(&[asked; 7]).unwrap();
+        for (kept, limits) in kept.iter().zip(&limits) {
+            let end = if asked > 0.0 { limits.max } else { limits.min };
+            assert!((kept - end).abs() < 1e-9, "{kept} of {limits:?}");
+        }
+    }
+    tool.set_joint_limits(1.into(), Limits::new(-20.0, 30.0))
+        .unwrap();
+    let rest = tool.rest_positions().unwrap()[1];
+    assert!((rest + 20.0).abs() < 1e-9, "{rest}");
+}
+
+/// Limits of the device that are closer than those of the model count, at both ends.
+#[test]
+fn the_limits_of_the_arm_are_those_of_the_controller() {
+    let arm = Arc::new(SimulatedWam::new());
+    let narrow = Limits::new(-10.0, 15.0);
+    arm.set_position_limits(0.into(), narrow).unwrap();
+    let chain = WamModel::<7>::new().chain;
+    let tool = CartesianController::start(arm, chain, CartesianOptions::new()).unwrap();
+    let found = tool.joint_limits(0.into()).unwrap();
+    assert!((found.min + 10.0).abs() < 1e-9 && (found.max - 15.0).abs() < 1e-9);
+    for wider in [Limits::new(-11.0, 15.0), Limits::new(-10.0, 16.0)] {
+        assert!(tool.set_joint_limits(0.into(), wider).is_err(), "{wider:?}");
+    }
+    tool.go_to(Target::Position([0.1, 0.4, 0.4]), Some(0.5))
+        .expect("it is within reach");
+    let base = tool.desired().unwrap().joints[0];
+    assert!((-10.0 - 1e-6..=15.0 + 1e-6).contains(&base), "{base}");
+}
+
+#[test]
+fn a_checkpoint_at_the_end_is_told_before_the_end() {
+    let (_arm, tool) = controller();
+    tool.register_checkpoint(1.0).unwrap();
+    let events = tool.events().unwrap();
+    tool.go_to(PLACE, Some(0.3)).unwrap();
+    let mut told = false;
+    loop {
+        match events.recv_timeout(TEST_TIMEOUT).expect("an event") {
+            CartesianEvent::Ongoing { checkpoint, .. } => told |= checkpoint == 1.0,
+            CartesianEvent::Done { .. } => break,
+            _ => {}
+        }
+    }
+    assert!(told);
 }

@@ -5,8 +5,10 @@ use std::time::Duration;
 
 use yarp_devices::guard::{Guarded, GuardedOptions, JointLimits, RateLimits, TorqueLimits};
 use yarp_devices::simulation::SimulatorOptions;
-use yarp_devices::wam::{DynamicArm, DynamicWam, WamModel};
-use yarp_devices::{Axes, AxisIndex, Device, DeviceError, Limits, Mode, PidKind, PidValue};
+use yarp_devices::wam::{ArmControl, DynamicArm, DynamicWam, WamModel};
+use yarp_devices::{
+    Axes, AxisIndex, Device, DeviceError, Impedance, Interaction, Limits, Mode, PidKind, PidValue,
+};
 use yarp_testing::eventually;
 
 const ELBOW: AxisIndex = AxisIndex::new(3);
@@ -213,4 +215,137 @@ fn direct_positions_are_followed_no_faster_than_the_velocity_limit() {
     let away = arm.state(ELBOW).unwrap().position - target;
     assert!(away.abs() < 2.0, "{away}");
     assert_eq!(arm.direct_positions(ELBOW.into()).unwrap(), [target]);
+}
+
+#[test]
+fn direct_positions_beyond_the_limits_of_any_joint_are_refused() {
+    let mut arm = DynamicArm::new(WamModel::<7>::new(), SimulatorOptions::default());
+    arm.set_control_modes(Axes::All, &[Mode::PositionDirect; 7])
+        .unwrap();
+    for joint in (0..7).map(AxisIndex::from) {
+        let limits = arm.set_points().position_limits(joint).unwrap();
+        let before = arm.direct_positions(joint.into()).unwrap();
+        for beyond in [limits.min - 0.01, limits.max + 0.01, f64::NAN] {
+            let refused = arm.set_direct_positions(joint.into(), &[beyond]);
+            assert!(refused.is_err(), "joint {joint} to {beyond}");
+        }
+        assert_eq!(arm.direct_positions(joint.into()).unwrap(), before);
+        arm.set_direct_positions(joint.into(), &[limits.max])
+            .unwrap();
+    }
+}
+
+/// 5 Nm at joint 7 are 5.71 A of its motor (ratio 14.93, 17474 units per Nm), which follows 1600 units: 1.5625 A.
+#[test]
+fn currents_are_told_as_the_motors_follow_them() {
+    let palm = AxisIndex::new(6);
+    for (torque, current) in [(5.0, -1.5625), (-5.0, 1.5625)] {
+        let mut arm = DynamicArm::new(WamModel::<7>::new(), SimulatorOptions::default());
+        arm.set_control_modes(palm.into(), &[Mode::Torque]).unwrap();
+        arm.set_reference_torques(palm.into(), &[torque]).unwrap();
+        arm.tick();
+        assert_eq!(arm.currents(palm.into()).unwrap(), [current]);
+    }
+}
+
+/// A stop in torque and in current mode ends the push.
+#[test]
+fn a_stop_ends_torques_and_currents() {
+    let mut arm = DynamicArm::new(WamModel::<7>::new(), SimulatorOptions::default());
+    let base = Axes::One(AxisIndex::new(0));
+    arm.set_control_modes(base, &[Mode::Torque]).unwrap();
+    arm.set_reference_torques(base, &[3.0]).unwrap();
+    arm.stop(base).unwrap();
+    assert_eq!(arm.reference_torques(base).unwrap(), [0.0]);
+    arm.set_control_modes(base, &[Mode::Current]).unwrap();
+    arm.set_reference_currents(base, &[0.2]).unwrap();
+    arm.stop(base).unwrap();
+    assert_eq!(arm.reference_currents(base).unwrap(), [0.0]);
+    arm.tick();
+    assert!(arm.loop_output(AxisIndex::new(0)).unwrap().abs() < 1e-9);
+}
+
+/// Each motor of the wrist turns both joints 5 and 6: neither follows a current before both are in current mode.
+#[test]
+fn a_current_needs_current_mode_of_each_joint_that_its_motor_turns() {
+    for (joint, other) in [(4, 5), (5, 4), (1, 2), (2, 1)] {
+        let mut arm = DynamicArm::new(WamModel::<7>::new(), SimulatorOptions::default());
+        let (joint, other) = (AxisIndex::new(joint), AxisIndex::new(other));
+        arm.set_control_modes(joint.into(), &[Mode::Current])
+            .unwrap();
+        let refused = arm.set_reference_currents(joint.into(), &[0.01]);
+        assert!(
+            matches!(refused, Err(DeviceError::WrongMode { joint, .. }) if joint == other),
+            "{refused:?}"
+        );
+        arm.set_control_modes(other.into(), &[Mode::Current])
+            .unwrap();
+        arm.set_reference_currents(joint.into(), &[0.01]).unwrap();
+    }
+}
+
+/// LB's loop of the base: 900 Nm/rad and 10 Nm s/rad, of which a soft joint has a tenth and all; a degree is 0.017453 rad.
+#[test]
+fn a_joint_is_as_soft_as_a_tenth_of_its_loop_and_no_harder_than_it() {
+    let mut arm = DynamicArm::new(WamModel::<7>::new(), SimulatorOptions::default());
+    let base = AxisIndex::new(0);
+    let own = arm.impedance(base).unwrap();
+    assert!((own.stiffness - 90.0 * 0.017_453_292_52).abs() < 1e-6);
+    assert!((own.damping - 10.0 * 0.017_453_292_52).abs() < 1e-6);
+    let most = Impedance {
+        stiffness: 10.0 * own.stiffness,
+        damping: own.damping,
+    };
+    for harder in [
+        Impedance {
+            stiffness: most.stiffness * 1.001,
+            ..most
+        },
+        Impedance {
+            damping: most.damping * 1.001,
+            ..most
+        },
+        Impedance {
+            damping: -0.001,
+            ..most
+        },
+    ] {
+        let refused = arm.set_impedance(base, harder);
+        assert!(
+            matches!(refused, Err(DeviceError::OutOfRange { .. })),
+            "{refused:?}"
+        );
+    }
+    assert_eq!(arm.impedance(base).unwrap(), own);
+    let close = Impedance {
+        stiffness: most.stiffness * 0.999,
+        damping: most.damping * 0.999,
+    };
+    arm.set_impedance(base, close).unwrap();
+}
+
+/// A compliant joint is damped against the speed of its set point: at rest in front of a moving one it is pushed.
+#[test]
+fn a_compliant_joint_is_damped_against_the_speed_of_its_set_point() {
+    let model = WamModel::<7>::new();
+    let counts = model.transmission.counts(&model.home);
+    let mut arm = ArmControl::new(model, Duration::from_millis(2), counts);
+    arm.hold();
+    let base = AxisIndex::new(0);
+    arm.set_interactions(base.into(), &[Interaction::Compliant])
+        .unwrap();
+    let Impedance { stiffness, damping } = arm.impedance(base).unwrap();
+    arm.set_control_modes(base.into(), &[Mode::Velocity])
+        .unwrap();
+    arm.velocity_move(base.into(), &[20.0]).unwrap();
+    for _ in 0..100 {
+        arm.drive();
+        arm.take_counts(counts);
+    }
+    let set = arm.set_points().state(base).unwrap();
+    assert!(set.velocity > 2.0, "{set:?}");
+    let away = set.position - arm.state(base).unwrap().position;
+    let expected = stiffness * away + damping * set.velocity;
+    let output = arm.loop_output(base).unwrap();
+    assert!((output - expected).abs() < 1e-9, "{output}, not {expected}");
 }

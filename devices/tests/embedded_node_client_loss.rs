@@ -260,3 +260,27 @@ fn goodbye_is_answered_before_the_connection_is_closed() {
     assert_eq!(client.rest(), b"d");
     eventually("the end", || node.status().last_end.is_some());
 }
+
+/// Rounding of a client is allowed, a hundredth of a radian is not.
+#[test]
+fn targets_beyond_a_limit_are_refused() {
+    let (_arm, node) = node(|_| ());
+    let mut client = Client::new(&node);
+    assert_eq!(client.ask(&Request::Gravity), Reply::Done);
+    for (joint, limit) in [(0, 2.6), (0, -2.6), (3, 3.13), (3, -0.9), (6, 3.0)] {
+        for (beyond, reply) in [(0.0, Reply::Done), (0.01, Reply::Refused)] {
+            let mut target = [0.0, -1.9, 0.0, 3.0, 0.0, 0.0, 0.0];
+            target[joint] = limit + f64::copysign(beyond, limit);
+            let asked = Request::MoveJoints(target.to_vec());
+            assert_eq!(client.ask(&asked), reply, "joint {joint} to {target:?}");
+        }
+    }
+}
+
+#[test]
+fn the_times_of_a_node_are_those_documented() {
+    let options = NodeOptions::new(LinkMode::listen_on_loopback());
+    assert_eq!(options.timeout, Duration::from_secs(1));
+    assert_eq!(options.idle_timeout, Duration::from_secs(5));
+    assert_eq!(options.max_backoff, Duration::from_secs(1));
+}

@@ -263,9 +263,11 @@ fn an_arm_behind_its_pc_moves_joints_and_tool() {
     let _node = WamNode::start(Arc::clone(&arm) as _, node).unwrap();
     eventually("the arm", || driver.encoder_readings(Axes::All).is_ok());
     assert_eq!(driver.axes(), 4);
-    driver
-        .set_control_modes(Axes::All, &[Mode::Position; 4])
-        .unwrap();
+    // Readings may come before the connection for commands is known.
+    eventually("the connection", || {
+        let modes = [Mode::Position; 4];
+        driver.set_control_modes(Axes::All, &modes).is_ok()
+    });
     driver.position_move(Axes::All, &TARGET).unwrap();
     eventually("the target", || distance(arm.as_ref(), &TARGET) < 1e-6);
     eventually("rest", || driver.motion_done(Axes::All).unwrap());

@@ -121,3 +121,46 @@ fn an_unknown_load_is_compensated_after_a_calibration() {
 fn an_unknown_load_of_an_arm_without_a_wrist_is_compensated_after_a_calibration() {
     an_unknown_load_is_compensated::<4>();
 }
+
+/// Writes down where it is sent, and how fast.
+#[derive(Default)]
+struct Recorder(Vec<(Joints<7>, f64)>);
+
+impl MeasuredArm for Recorder {
+    type Error = Infallible;
+
+    fn move_to(&mut self, joints: &Joints<7>, speed: f64) -> Result<(), Infallible> {
+        self.0.push((*joints, speed));
+        Ok(())
+    }
+
+    fn measure(&mut self) -> Result<HeldPose<7>, Infallible> {
+        let joints = self.0.last().expect("it was moved").0;
+        let torques = Joints::zeros();
+        Ok(HeldPose { joints, torques })
+    }
+}
+
+/// libbarrett, `gravitycal.cpp`: each pose is approached from 0.03 rad above and below, at 0.05 rad/s, so that friction
+/// pulls both ways.
+#[test]
+fn each_pose_is_approached_slowly_from_both_sides() {
+    let mut arm = Recorder::default();
+    let model = WamModel::<7>::new();
+    calibrate_gravity(&mut arm, &model, |_| ()).unwrap();
+    assert_eq!(arm.0.len(), 4 * gravity_poses());
+    for moves in arm.0.chunks(4) {
+        let [(above, _), (pose, slow), (below, _), (again, slow_again)] = moves else {
+            unreachable!("four moves");
+        };
+        assert_eq!((slow, slow_again), (&0.05, &0.05));
+        assert_eq!(pose, again);
+        let off = |from: &Joints<7>, by: f64| (from - pose).add_scalar(-by).amax();
+        assert!(off(above, 0.03) < 1e-12 && off(below, -0.03) < 1e-12);
+        assert!(model.chain.contains(pose), "{pose}");
+    }
+    // The first pose of `calibration.conf`.
+    let right = std::f64::consts::FRAC_PI_2;
+    let first = Joints::<7>::from([0.0, -right, 0.0, right, 0.0, 0.0, 0.0]);
+    assert!((arm.0[1].0 - first).amax() < 1e-4);
+}

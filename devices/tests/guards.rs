@@ -1,11 +1,15 @@
 //! A guarded arm behaves like the arm within its guards, refuses by name beyond them, and holds when a stream stops.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use yarp_devices::guard::{Guarded, GuardedOptions, JointLimits, RateLimits, TorqueLimits};
 use yarp_devices::wam::SimulatedWam;
-use yarp_devices::{Axes, AxisIndex, Device, DeviceError, Limits, Mode, PidValue, checks};
+use yarp_devices::{
+    Axes, AxisIndex, AxisInfo, ControlLimits, ControlMode, Device, DeviceError, EncoderReading,
+    Encoders, JointType, Limits, Mode, PidValue, PositionControl, VelocityControl, checks,
+};
 use yarp_testing::eventually;
 
 const TEST_TIMEOUT: Duration = Duration::from_secs(60);
@@ -159,6 +163,216 @@ fn torques_are_checked_for_every_joint_of_a_command() {
         arm.check_torques(Axes::All, &[0.0]),
         Err(DeviceError::WrongCount { .. })
     ));
+}
+
+/// Exactly at a limit, too, and in both directions.
+#[test]
+fn a_joint_at_its_limit_may_only_come_back() {
+    let limits = JointLimits(vec![Limits::new(-20.0, 20.0)]);
+    let moves = |velocity, position| {
+        let checked = limits.check_velocity(0.into(), velocity, position, "deg/s");
+        checked.is_ok()
+    };
+    for (end, outward) in [(20.0, 1.0), (-20.0, -1.0), (20.1, 1.0), (-20.1, -1.0)] {
+        assert!(!moves(outward, end), "{outward} at {end}");
+        assert!(moves(-outward, end) && moves(0.0, end), "{end}");
+    }
+    assert!(moves(1.0, 19.9) && moves(-1.0, -19.9));
+}
+
+/// A direct position is no farther away than the joint may go in 0.1 s.
+#[test]
+fn a_step_is_as_far_as_the_speed_allows_in_a_tenth_of_a_second() {
+    let rates = RateLimits {
+        speeds: vec![25.0],
+        ..RateLimits::default()
+    };
+    let fits = |asked| rates.check_step(0.into(), asked, 40.0, "deg").is_ok();
+    assert!(fits(42.5) && fits(37.5));
+    assert!(!fits(42.51) && !fits(37.49));
+}
+
+#[test]
+fn direct_velocities_are_within_the_guards_limits() {
+    let arm = guarded(narrow());
+    let modes = arm.control_mode().unwrap();
+    modes
+        .set_control_modes(BASE, &[Mode::VelocityDirect])
+        .unwrap();
+    let control = arm.velocity_direct().unwrap();
+    for beyond in [25.1, -25.1] {
+        let refused = control.set_direct_velocities(BASE, &[beyond]);
+        assert!(
+            matches!(refused, Err(DeviceError::Guarded { .. })),
+            "{refused:?}"
+        );
+    }
+    assert_eq!(speed(&arm), 0.0);
+    control.set_direct_velocities(BASE, &[25.0]).unwrap();
+}
+
+/// libbarrett's 28.6 deg/s² are more than this guard allows.
+#[test]
+fn accelerations_are_reduced_at_the_start() {
+    let arm = guarded(GuardedOptions {
+        rate_limits: RateLimits {
+            speeds: vec![],
+            accelerations: vec![20.0],
+        },
+        ..GuardedOptions::default()
+    });
+    let position = arm.position_control().unwrap();
+    let accelerations = position.reference_accelerations(Axes::All).unwrap();
+    assert_eq!(accelerations[0], 20.0);
+    assert!(accelerations[1] > 20.0);
+}
+
+/// Ranges of currents and torques are those of the guard at both ends.
+#[test]
+fn ranges_are_narrowed_at_both_ends() {
+    let arm = guarded(GuardedOptions {
+        torque_limits: TorqueLimits(vec![0.5]),
+        current_limits: vec![0.25],
+        ..GuardedOptions::default()
+    });
+    let torques = arm.torque_control().unwrap();
+    let range = torques.torque_ranges(BASE).unwrap();
+    assert_eq!(range, [Limits::new(-0.5, 0.5)]);
+    let currents = arm.current_control().unwrap();
+    let range = currents.current_ranges(BASE).unwrap();
+    assert_eq!(range, [Limits::new(-0.25, 0.25)]);
+}
+
+/// A client that sets torque mode once more does not get rid of the watchdog.
+#[test]
+fn a_torque_ends_although_its_mode_is_set_again() {
+    for commanded in [Mode::Torque, Mode::Current, Mode::Pwm] {
+        let arm = guarded(GuardedOptions {
+            effort_watchdog: Some(Duration::from_secs(1)),
+            ..GuardedOptions::default()
+        });
+        let modes = arm.control_mode().unwrap();
+        modes.set_control_modes(BASE, &[commanded]).unwrap();
+        match commanded {
+            Mode::Torque => {
+                let control = arm.torque_control().unwrap();
+                control.set_reference_torques(BASE, &[0.1]).unwrap();
+            }
+            Mode::Current => {
+                let control = arm.current_control().unwrap();
+                control.set_reference_currents(BASE, &[0.1]).unwrap();
+            }
+            _ => {
+                let control = arm.pwm_control().unwrap();
+                control.set_reference_duty_cycles(BASE, &[1.0]).unwrap();
+            }
+        }
+        modes.set_control_modes(BASE, &[commanded]).unwrap();
+        eventually("position mode", || {
+            modes.control_modes(BASE).unwrap() == [Mode::Position]
+        });
+    }
+}
+
+/// However slow it is, here 5 deg/s.
+#[test]
+fn a_joint_that_creeps_under_a_torque_is_held_at_its_limit() {
+    let arm = guarded(GuardedOptions {
+        joint_limits: narrow().joint_limits,
+        ..GuardedOptions::default()
+    });
+    let control = arm.position_control().unwrap();
+    control.position_move(BASE, &[18.0]).unwrap();
+    eventually("arrival", || control.motion_done(BASE).unwrap());
+    let modes = arm.control_mode().unwrap();
+    modes.set_control_modes(BASE, &[Mode::Torque]).unwrap();
+    let torques = arm.torque_control().unwrap();
+    let limits = arm.control_limits().unwrap();
+    // Full torque holds the largest speed in the end.
+    let fastest = limits.velocity_limits(0.into()).unwrap().max;
+    let torque = torques.torque_ranges(BASE).unwrap()[0].max * 5.0 / fastest;
+    torques.set_reference_torques(BASE, &[torque]).unwrap();
+    let mode = || modes.control_modes(BASE).unwrap()[0];
+    eventually("the limit", || {
+        mode() == Mode::Position || position(&arm) > 22.0
+    });
+    assert_eq!(mode(), Mode::Position);
+    assert!(position(&arm) < 21.0, "held at {}", position(&arm));
+}
+
+/// An arm whose encoders can fail.
+struct Blind {
+    arm: SimulatedWam,
+    is_blind: AtomicBool,
+}
+
+impl AxisInfo for Blind {
+    fn axes(&self) -> usize {
+        self.arm.axes()
+    }
+
+    fn axis_name(&self, axis: AxisIndex) -> Result<String, DeviceError> {
+        self.arm.axis_name(axis)
+    }
+
+    fn joint_type(&self, axis: AxisIndex) -> Result<JointType, DeviceError> {
+        self.arm.joint_type(axis)
+    }
+}
+
+impl Encoders for Blind {
+    fn read_encoders(&self, axes: Axes<'_>, out: &mut [EncoderReading]) -> Result<(), DeviceError> {
+        if self.is_blind.load(Ordering::SeqCst) {
+            return Err(DeviceError::NoDataYet { what: "encoder" });
+        }
+        self.arm.read_encoders(axes, out)
+    }
+
+    fn set_encoders(&self, axes: Axes<'_>, positions: &[f64]) -> Result<(), DeviceError> {
+        Encoders::set_encoders(&self.arm, axes, positions)
+    }
+}
+
+impl Device for Blind {
+    fn axis_info(&self) -> Option<&dyn AxisInfo> {
+        Some(self)
+    }
+
+    fn encoders(&self) -> Option<&dyn Encoders> {
+        Some(self)
+    }
+
+    fn position_control(&self) -> Option<&dyn PositionControl> {
+        self.arm.position_control()
+    }
+
+    fn velocity_control(&self) -> Option<&dyn VelocityControl> {
+        self.arm.velocity_control()
+    }
+
+    fn control_mode(&self) -> Option<&dyn ControlMode> {
+        self.arm.control_mode()
+    }
+
+    fn control_limits(&self) -> Option<&dyn ControlLimits> {
+        self.arm.control_limits()
+    }
+}
+
+#[test]
+fn a_joint_that_moves_unseen_is_stopped() {
+    let device = Arc::new(Blind {
+        arm: SimulatedWam::new(),
+        is_blind: AtomicBool::new(false),
+    });
+    let arm = Guarded::around(Arc::clone(&device) as _, narrow()).expect("the guards start");
+    in_velocity_mode(&arm);
+    let velocity = arm.velocity_control().unwrap();
+    velocity.velocity_move(BASE, &[1.0]).unwrap();
+    eventually("motion", || speed(&device.arm) > 0.0);
+    device.is_blind.store(true, Ordering::SeqCst);
+    eventually("rest", || speed(&device.arm) == 0.0);
+    assert!(position(&device.arm) < 19.0, "its limit ended the motion");
 }
 
 /// The device's own limit is far away, the guard's is near.

@@ -8,8 +8,8 @@ use yarp_devices::hand::HandBoard;
 use yarp_devices::hand::gcl::Motor;
 use yarp_devices::hand::simulated::{Object, SimulatedHandOptions};
 use yarp_devices::{
-    Axes, AxisIndex, ControlMode, DeviceError, Encoders, Grasp, Hand, Mode, MotionControl,
-    PositionControl, VelocityControl, checks,
+    Axes, AxisIndex, ControlLimits, ControlMode, DeviceError, Encoders, Grasp, Hand, Limits, Mode,
+    MotionControl, PositionControl, VelocityControl, checks,
 };
 
 const FIRST: Axes<'static> = Axes::One(AxisIndex::new(0));
@@ -154,6 +154,42 @@ fn a_line_that_breaks_is_a_fault_and_no_move_is_resumed() {
     board.position_move(FIRST, &[10.0]).unwrap();
     done(&board);
     assert!((at(&board, FIRST) - 10.0).abs() < 0.3);
+}
+
+/// The data sheet: 140 degrees of a finger take a second, 180 of the spread half a second.
+#[test]
+fn the_limits_are_those_of_the_data_sheet() {
+    let stage = stage();
+    let board = HandBoard::start(stage.open()).unwrap();
+    for finger in 0..3 {
+        let limits = board.position_limits(finger.into()).unwrap();
+        assert_eq!(limits, Limits::new(0.0, 140.0));
+        let speeds = board.velocity_limits(finger.into()).unwrap();
+        // What a signed byte of 100 counts/s can say: 12700 counts/s, 125 for each degree.
+        assert_eq!(speeds, Limits::new(0.0, 100.0));
+    }
+    let limits = board.position_limits(3.into()).unwrap();
+    assert_eq!(limits, Limits::new(0.0, 180.0));
+    let speeds = board.velocity_limits(3.into()).unwrap();
+    assert_eq!(speeds, Limits::new(0.0, 360.0));
+}
+
+/// The line breaks and the hand loses its power: once it is initialised again its axes are idle, as after any loss.
+#[test]
+fn a_hand_that_lost_its_power_with_its_line_is_idle_when_it_is_back() {
+    let stage = stage();
+    let board = board(&stage);
+    stage.there.disconnect_line();
+    is_in(&board, Mode::HardwareFault);
+    stage.there.restart();
+    stage.there.reconnect_line().unwrap();
+    // The second reply comes after the board has found the hand not initialised.
+    for _ in 0..2 {
+        eventually("an answer", || board.send_command("VERS").is_ok());
+    }
+    is_in(&board, Mode::HardwareFault);
+    board.initialise().unwrap();
+    is_in(&board, Mode::Idle);
 }
 
 #[test]

@@ -167,3 +167,71 @@ fn strain_below_lsg_ends_a_motion() {
         assert_eq!(hand.positions()[0] > 7900.0, reached);
     }
 }
+
+/// Barrett's figure of closing forces ends at 25 N, at 55 mm of the fingertip: no gain makes a finger stronger.
+#[test]
+fn no_gain_makes_a_finger_stronger_than_its_largest_force() {
+    for (newtons, yields) in [(20.0, false), (30.0, true)] {
+        let mut hand = hand();
+        run(&mut hand, "1FSET FPG 255 HSG 256");
+        run(&mut hand, "1M 5000");
+        let torque = newtons * 0.055;
+        hand.set_load(
+            Motor::F1,
+            Load {
+                inner: torque,
+                outer: torque,
+            },
+        );
+        let said = run(&mut hand, "1M 9000");
+        assert_eq!(said.contains("ERR 16"), yields, "{newtons} N: {said}");
+    }
+}
+
+/// The fingers stand in the way of the spread when they are closed as far as 14000 counts.
+#[test]
+fn closed_fingers_block_the_spread() {
+    for (fingers, said) in [(13_900, ""), (14_100, "\n\rERR 16")] {
+        let mut hand = hand();
+        assert_eq!(run(&mut hand, &format!("GM {fingers}")), "");
+        assert_eq!(run(&mut hand, "SM 1000"), said, "{fingers}");
+    }
+}
+
+/// A hand that was too hot moves again when it is five degrees below its limit of 65.
+#[test]
+fn a_hand_that_was_hot_cools_before_it_moves() {
+    let mut hand = hand();
+    for (celsius, moves) in [(64.0, true), (66.0, false), (61.0, false), (59.5, true)] {
+        hand.set_temperature(celsius);
+        hand.advance(0.01);
+        let said = run(&mut hand, "1M 3000");
+        assert_eq!(said.is_empty(), moves, "{celsius}: {said}");
+        assert_eq!(said.contains("ERR 8192"), !moves, "{celsius}: {said}");
+        run(&mut hand, "1M 2000");
+    }
+}
+
+/// `MPE` is the distance from its target that a motion may end at, 50 counts for a finger.
+#[test]
+fn a_motion_may_end_within_mpe_of_its_target() {
+    for (target, said) in [(7540, ""), (7560, "\n\rERR 16")] {
+        let mut hand = hand();
+        hand.set_object(Motor::F1, Some(SOFT));
+        assert_eq!(run(&mut hand, &format!("1M {target}")), said, "{target}");
+        assert_eq!(hand.positions()[0], MET);
+    }
+}
+
+/// `OD` counts thousands.
+#[test]
+fn the_odometer_counts_thousands() {
+    let mut hand = hand();
+    for line in ["1M 17000", "1M 1000", "1M 17000"] {
+        run(&mut hand, line);
+    }
+    let told: i32 = run(&mut hand, "1FGET OD").trim().parse().expect("a number");
+    assert_eq!(told, (hand.travelled()[0] / 1000.0) as i32);
+    // 3500 counts to its stop at first.
+    assert_eq!(told, (3500 + 17_000 + 16_000 + 16_000) / 1000);
+}

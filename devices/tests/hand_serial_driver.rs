@@ -5,6 +5,7 @@ use crate::hand_support;
 
 use std::error::Error;
 use std::thread;
+use std::time::Duration;
 
 use hand_support::{Stage, eventually};
 use yarp_devices::hand::gcl::{
@@ -281,6 +282,26 @@ fn an_abort_with_nothing_under_way_does_no_harm() {
     let hand = stage.ready();
     Hand::abort(&hand).unwrap();
     hand.close_fingers().unwrap();
+}
+
+/// A motion may take as long as the options say, and the initialisation, which has two parts, twice as long.
+#[test]
+fn the_timeouts_of_motions_are_those_of_the_options() {
+    let time = Duration::from_millis(200);
+    let stage = Stage::new();
+    drop(stage.ready());
+    let hand = BarrettHand::open(stage.options().motion_timeout(time)).expect("a hand answers");
+    let waited = |verb: Verb| {
+        stage.there.freeze(true);
+        let error = hand.command(&verb.into()).expect_err("it is frozen");
+        stage.there.freeze(false);
+        match error {
+            HandError::NoPrompt { waited, .. } => waited,
+            other => panic!("{other}"),
+        }
+    };
+    assert_eq!(waited(Verb::Close), time);
+    assert_eq!(waited(Verb::Initialise), 2 * time);
 }
 
 #[test]

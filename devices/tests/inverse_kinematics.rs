@@ -167,6 +167,9 @@ fn the_same_seed_gives_the_same_solution() {
 fn the_transposed_jacobian_solves_poses_nearby() {
     let chain = WamModel::<7>::new().chain;
     let method = JacobianTranspose::default();
+    assert_eq!(method.position_tolerance, 1e-4);
+    assert!((method.angle_tolerance.to_degrees() - 0.05).abs() < 1e-9);
+    assert_eq!(method.steps, 10_000);
     let mut draw = Random::new(11);
     let mut found = 0;
     for _ in 0..200 {
@@ -176,6 +179,12 @@ fn the_transposed_jacobian_solves_poses_nearby() {
         let target = chain.forward(&own);
         if let Ok(solution) = method.solve(&chain, &target, &start) {
             assert!(reached(&chain, &target, &solution.joints, Task::Pose));
+            // 0.1 mm and 0.05 degrees, as documented.
+            let end = chain.forward(&solution.joints);
+            let away = end.translation.vector - target.translation.vector;
+            assert!(away.norm() < 1.01e-4, "{away}");
+            let turned = end.rotation.angle_to(&target.rotation).to_degrees();
+            assert!(turned < 0.0505, "{turned} degrees");
             found += 1;
         }
     }

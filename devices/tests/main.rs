@@ -30,6 +30,7 @@ mod dynamic_wam_motors;
 mod dynamics_against_mechanics;
 mod embedded_arm_checks;
 mod embedded_driver_connection_loss;
+mod embedded_driver_replies;
 mod embedded_dynamic_arm;
 mod embedded_fuzz_corpus;
 mod embedded_moc_line;

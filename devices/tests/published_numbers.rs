@@ -4,11 +4,12 @@
 use std::time::Duration;
 
 use yarp_devices::hand::gcl::{
-    Control, Feedback, FirmwareVersion, Header, Layout, MotorControl, MotorFeedback, MotorLayout,
+    Control, Feedback, FirmwareVersion, Header, Layout, Motor, MotorControl, MotorFeedback,
+    MotorLayout, Parameter, Scope,
 };
 use yarp_devices::kinematics::Joints;
-use yarp_devices::simulation::{SafetyLimits, Simulator, SimulatorOptions};
-use yarp_devices::wam::{ArmControl, DynamicArm, WamModel};
+use yarp_devices::simulation::{ArmEffects, SafetyLimits, Simulator, SimulatorOptions, WakeUp};
+use yarp_devices::wam::{ArmControl, DynamicArm, WamModel, parameters};
 use yarp_devices::{Axes, AxisIndex, Interaction, Mode};
 
 fn close(what: &str, got: f64, expected: f64) {
@@ -337,6 +338,87 @@ fn realtime_examples() {
     assert_eq!(read.temperature, Some(274));
 }
 
+/// Ranges and factory's values of the manuals; those of targets, of steps and of times are assumed.
+#[test]
+fn ranges_and_defaults_of_the_parameters_of_the_hand() {
+    let motor = [
+        ("P", 0, 20_000, 0, 0),
+        ("SG", 0, 255, 128, 255),
+        ("BP", 0, 20_000, 0, 0),
+        ("MCV", 16, 4080, 100, 60),
+        ("MOV", 16, 4080, 100, 60),
+        ("HSG", 0, 256, 256, 256),
+        ("LSG", 0, 256, 256, 256),
+        ("CT", 0, 18_000, 17_800, 3150),
+        ("OT", 0, 18_000, 0, 0),
+        ("DP", 0, 18_000, 8900, 1575),
+        ("DS", -32_768, 32_767, 1780, 315),
+        ("MPE", 0, 65_535, 50, 20),
+        ("TSTOP", 0, 65_535, 200, 200),
+        ("HOLD", 0, 1, 0, 1),
+        ("EN", 0, 1, 1, 1),
+        ("ACCEL", 0, 65_535, 4, 2),
+        ("SAMPLE", 15, 255, 63, 200),
+        ("FPG", 0, 255, 5, 5),
+        ("LCV", 0, 1, 1, 1),
+        ("LFDP", 0, 1, 1, 1),
+        ("LCVC", 0, 255, 1, 1),
+        ("LFDPC", 0, 255, 1, 1),
+        ("LCT", 0, 1, 0, 0),
+        ("LFBP", 0, 1, 0, 0),
+        ("LFAIN", 0, 1, 0, 0),
+    ];
+    let hand = [
+        ("BAUD", 6, 384, 96, 96),
+        ("TEMP", -550, 1250, 350, 350),
+        ("PTEMP", 0, 1250, 350, 350),
+        ("OTEMP", 0, 1250, 650, 650),
+        ("LFT", 0, 1, 0, 0),
+        ("LFDPD", 0, 1, 0, 0),
+    ];
+    let motor = motor.map(|row| (Scope::Motor, row));
+    let hand = hand.map(|row| (Scope::Hand, row));
+    for (scope, (name, min, max, finger, spread)) in motor.into_iter().chain(hand) {
+        let parameter = Parameter::find(scope, name).expect(name);
+        assert!(parameter.allows(min) && parameter.allows(max), "{name}");
+        assert!(!parameter.allows(min - 1), "{name}");
+        assert!(!parameter.allows(max + 1), "{name}");
+        let defaults =
+            [Motor::F1, Motor::F2, Motor::F3, Motor::Spread].map(|motor| parameter.default(motor));
+        assert_eq!(defaults, [finger, finger, finger, spread], "{name}");
+    }
+    for name in ["P", "S", "SG", "BD", "BP", "OD"] {
+        let parameter = Parameter::find(Scope::Motor, name).expect(name);
+        assert!(!parameter.is_writable(), "{name}");
+    }
+}
+
+/// The manual of firmware 4.4: one signed byte of whole degrees.
+#[test]
+fn the_temperature_of_firmware_4_4_is_one_signed_byte() {
+    let layout = Layout {
+        temperature: true,
+        firmware: FirmwareVersion::V4_4,
+        ..Layout::default()
+    };
+    let read = |byte: u8| {
+        let read = layout.read_feedback(Header::Ask, &[b'*', byte]);
+        read.expect("it is feedback").expect("all is there")
+    };
+    assert_eq!(read(0xF6).temperature, Some(-100));
+    assert_eq!(read(40).temperature, Some(400));
+    let written = |tenths| {
+        let feedback = Feedback {
+            temperature: Some(tenths),
+            ..Feedback::default()
+        };
+        layout.write_feedback(Header::Ask, &feedback)
+    };
+    assert_eq!(written(-100), [b'*', 0xF6]);
+    assert_eq!(written(1300), [b'*', 127]);
+    assert_eq!(written(-1300), [b'*', 0x80]);
+}
+
 /// D1001 table 6, with 3.13 at the top of the elbow; LB `wam7w.conf` rows and `zerocal.conf`.
 #[test]
 fn limits_rows_and_home() {
@@ -400,6 +482,106 @@ fn the_arm_with_four_joints() {
         up.translation.vector.z,
         0.55 + 0.36,
     );
+}
+
+/// The firmware starts 2 s after power-up by itself (BH8-262 manual, appendix D).
+#[test]
+fn a_puck_starts_by_itself() {
+    let wake_up = WakeUp::default();
+    assert_eq!(wake_up.self_start, Some(Duration::from_secs(2)));
+}
+
+/// LB: moments in kg m as `gravity_comp` has them.
+#[test]
+fn moments_of_the_gravity_compensation() {
+    let moments = [
+        [-0.46198, 0.0, -0.000165],
+        [0.09325, -0.14299, 2.38276],
+        [0.09103, 0.17740, 0.10942],
+        [-0.12639, -0.05702, 0.54153],
+        [0.002227, 0.013625, -0.001012],
+        [-0.0009, -0.004992, 0.025923],
+        [-0.0000396, -0.0000754, 0.0000130],
+    ];
+    let calibration = WamModel::<7>::new().calibration;
+    assert_eq!(calibration.gravity, 9.805);
+    for (link, (own, moment)) in calibration.moments.iter().zip(moments).enumerate() {
+        assert_eq!(own.as_slice(), moment, "link {link}");
+    }
+}
+
+/// OWD: 2.5 rad/s, reached in 0.75 s; LB `systems/wam.h`: 0.5 rad/s and 0.5 rad/s². A degree is 0.017453 rad.
+#[test]
+fn speeds_and_accelerations_of_the_joints() {
+    for axis in parameters() {
+        close("largest speed", axis.max_speed, 143.239_448_782_7);
+        close(
+            "largest acceleration",
+            axis.max_acceleration,
+            190.985_931_710_3,
+        );
+        close("speed", axis.reference_speed, 28.647_889_756_5);
+        close(
+            "acceleration",
+            axis.reference_acceleration,
+            28.647_889_756_5,
+        );
+    }
+}
+
+/// Barrett's wiki, `SafetyFeaturesPrecautions`: `VL1` 2048 and `VL2` 4096 in 1/4096 m/s, `TL1` 4731 and `TL2` 5204 units.
+#[test]
+fn limits_of_the_safety_module_at_power_up() {
+    let limits = SafetyLimits::default();
+    assert_eq!(limits.velocity_warning * 4096.0, 2048.0);
+    assert_eq!(limits.velocity_fault * 4096.0, 4096.0);
+    assert_eq!(
+        (limits.torque_warning, limits.torque_fault),
+        (4731.0, 5204.0)
+    );
+    // Not published: half a second, which is assumed.
+    assert_eq!(limits.heartbeat, 0.5);
+}
+
+/// The table of motors of the University of Waterloo, BT `POLES`, and Barrett's wiki, `CANbusSpecifications`.
+#[test]
+fn effects_of_a_real_arm() {
+    let effects = ArmEffects::real_arm();
+    let windings = effects.windings.expect("a real arm has windings");
+    let resistances = [3.473, 3.473, 3.473, 3.473, 6.213, 6.213, 5.205];
+    let constants = [0.457, 0.457, 0.457, 0.457, 0.236, 0.236, 0.067];
+    let poles = [12.0, 12.0, 12.0, 12.0, 8.0, 8.0, 6.0];
+    for (motor, winding) in windings.iter().enumerate() {
+        assert_eq!(winding.resistance, resistances[motor], "{motor}");
+        assert_eq!(winding.back_emf, constants[motor], "{motor}");
+        // Three periods for each pole.
+        let periods = effects.torque_variation[motor].periods_per_turn;
+        assert_eq!(periods, 3.0 * poles[motor], "{motor}");
+    }
+    // A query, seven positions of 75 us each, two frames of torques of 125 us each.
+    let traffic = Duration::from_micros(75 + 7 * 75 + 2 * 125);
+    assert_eq!(effects.latency.least, traffic);
+    assert_eq!(effects.supply_voltage, 48.0);
+}
+
+/// Turned by the elbow alone, the end of the forearm is 0.35 m along it and 0.045 m beside the axis.
+#[test]
+fn the_end_of_the_forearm_is_where_the_safety_module_judges_it() {
+    let mut arm = Simulator::new(WamModel::<7>::new(), SimulatorOptions::default());
+    let mut friction = WamModel::<7>::new().friction;
+    for joint in [0, 1, 2, 4, 5, 6] {
+        friction[joint].coulomb = 1e6;
+    }
+    arm.set_friction(friction);
+    arm.place(&Joints::<7>::from([0.0, 0.0, 0.0, 1.5, 0.0, 0.0, 0.0]));
+    arm.twist([0.0, 0.0, 0.0, 30.0, 0.0, 0.0, 0.0].into());
+    for _ in 0..50 {
+        arm.step(None);
+    }
+    let turning = arm.velocities()[3].abs();
+    assert!(turning > 0.2, "{turning} rad/s");
+    let radius = arm.speed() / turning;
+    assert!((radius - 0.35_f64.hypot(0.045)).abs() < 1e-6, "{radius} m");
 }
 
 /// With the arm folded, the shoulder moves the elbow faster than the end of the forearm.

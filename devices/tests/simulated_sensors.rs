@@ -85,6 +85,19 @@ fn at_rest_there_is_gravity_and_the_weight_of_the_load() {
     assert_eq!(reading.time, 100.0);
 }
 
+/// A BH8-262 has 1.2 kg (data sheet).
+#[test]
+fn the_load_is_a_hand_unless_told_otherwise() {
+    let sensors = SimulatedSensors::new(
+        Arc::new(arm([0.0; 7], [0.0; 7], [0.0; 7])),
+        SimulatedSensorsOptions::new(),
+    )
+    .expect("it is an arm");
+    let force = read(&sensors, SensorKind::ForceTorque);
+    let weight = [0.0, 0.0, -1.2 * GRAVITY, 0.0, 0.0, 0.0];
+    near(&force, &weight, 1e-9);
+}
+
 /// With the shoulder at 90 degrees the load hangs to the side, and pulls with its lever.
 #[test]
 fn a_load_to_the_side_pulls_with_its_lever() {
@@ -101,6 +114,9 @@ fn a_load_to_the_side_pulls_with_its_lever() {
         1e-6,
     );
     near(&wrench[2..3], &[0.0], 1e-6);
+    // The load is 0.1 m along z: the torque is that place times the force.
+    let lever = [-0.1 * wrench[1], 0.1 * wrench[0], 0.0];
+    near(&wrench[3..], &lever, 1e-9);
 }
 
 /// The base turns the stretched-out arm: the tool flies on a circle.

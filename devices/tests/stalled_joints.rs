@@ -77,6 +77,50 @@ fn a_stall_takes_its_time_and_can_be_switched_off() {
     assert_eq!(time_to_stall(&mut rigid(model), ELBOW, 40.0), None);
 }
 
+/// Not where they were sent, 1 degree further.
+#[test]
+fn joints_hold_where_they_are_when_another_stalls() {
+    let mut arm = rigid(WamModel::<7>::new());
+    arm.set_control_modes(ELBOW.into(), &[Mode::PositionDirect])
+        .unwrap();
+    let here = arm.state(ELBOW).unwrap().position;
+    arm.set_direct_positions(ELBOW.into(), &[here + 1.0])
+        .unwrap();
+    time_to_stall(&mut arm, BASE, 9.8).expect("a stall");
+    assert!(arm.stall(ELBOW).is_none());
+    let held = arm.set_points().state(ELBOW).unwrap().position;
+    assert!((held - here).abs() < 0.01, "{held}, not {here}");
+}
+
+/// Returns the time until an elbow that is to go 9.8 degrees further, and moves at this speed, deg/s, stalls; `None` if it
+/// does not in 0.4 s.
+fn time_to_stall_at(speed: f64) -> Option<Duration> {
+    let mut arm = rigid(WamModel::<7>::new());
+    arm.set_control_modes(ELBOW.into(), &[Mode::PositionDirect])
+        .unwrap();
+    let target = arm.state(ELBOW).unwrap().position + 9.8;
+    arm.set_direct_positions(ELBOW.into(), &[target]).unwrap();
+    let start = arm.motor_counts();
+    (1..=200).map(|period| PERIOD * period).find(|time| {
+        arm.drive();
+        let mut counts = start;
+        // 18 turns of the motor, the other way, with 4096 counts each.
+        let way = speed * time.as_secs_f64() / 360.0 * 18.0 * 4096.0;
+        counts[3] -= way.round() as i32;
+        arm.take_counts(counts);
+        arm.stall(ELBOW).is_some()
+    })
+}
+
+/// A joint that creeps, or is pushed back, stalls; one that gets on does not.
+#[test]
+fn only_a_joint_that_gets_on_does_not_stall() {
+    for speed in [0.0, 1.0, -1.0, -6.0] {
+        assert!(time_to_stall_at(speed).is_some(), "{speed} deg/s");
+    }
+    assert_eq!(time_to_stall_at(6.0), None);
+}
+
 /// An arm with an obstacle in the way of its elbow, rad, below which it pushes back like a hard spring.
 struct Blocked {
     arm: DynamicArm,

@@ -1,7 +1,7 @@
 //! The torque limit of a position loop can be raised up to what the motors of its joint have, and no further.
 
 use yarp_devices::wam::DynamicWam;
-use yarp_devices::{Axes, Device, DeviceError, PidKind};
+use yarp_devices::{Axes, Device, DeviceError, Pid, PidKind};
 
 use crate::can;
 
@@ -35,6 +35,31 @@ fn is_bounded(device: &dyn Device) {
             .set_pids(PidKind::Position, axis, &[pid])
             .expect("the motors have as much");
     }
+}
+
+/// A gain below zero would drive the joint away from its set point.
+#[test]
+fn gains_below_zero_are_refused() {
+    let arm = DynamicWam::start().expect("a thread");
+    let loops = arm.pid_control().expect("it has loops");
+    let axis = Axes::One(3.into());
+    let before = loops.pids(PidKind::Position, axis).unwrap();
+    let changes: [fn(&mut Pid); 4] = [
+        |pid| pid.kp = -0.001,
+        |pid| pid.ki = -0.001,
+        |pid| pid.kd = -0.001,
+        |pid| pid.max_output = -0.001,
+    ];
+    for (number, change) in changes.iter().enumerate() {
+        let mut pid = before[0];
+        change(&mut pid);
+        let refused = loops.set_pids(PidKind::Position, axis, &[pid]);
+        assert!(
+            matches!(refused, Err(DeviceError::OutOfRange { .. })),
+            "{number}: {refused:?}"
+        );
+    }
+    assert_eq!(loops.pids(PidKind::Position, axis).unwrap(), before);
 }
 
 #[test]

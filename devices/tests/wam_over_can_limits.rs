@@ -10,8 +10,11 @@ use yarp_devices::can::puck::{Address, Group, Node, PuckMessage, PuckProperty, T
 use yarp_devices::kinematics::Joints;
 use yarp_devices::simulation::{SimulatedPucks, SimulatorOptions};
 use yarp_devices::wam::WamModel;
-use yarp_devices::wam::can::CanWam;
-use yarp_devices::{Axes, AxisIndex, Encoders, JointFault, PositionControl};
+use yarp_devices::wam::can::{CanErrorKind, CanWam};
+use yarp_devices::{
+    AmplifierControl, AmplifierLimit, Axes, AxisIndex, CurrentControl, Encoders, JointFault,
+    PositionControl,
+};
 
 use crate::can;
 
@@ -82,6 +85,23 @@ fn a_position_that_jumps_is_missed_and_not_believed() {
     until("a missed reply", || arm.status().missed_replies > missed);
     let after = arm.encoder_readings(ELBOW).unwrap()[0].position;
     assert!((after - before).abs() < 1.0, "from {before} to {after}");
+}
+
+/// The plausible change grows with the time since the last position, not with the age of the connection.
+#[test]
+fn a_position_that_stays_elsewhere_is_not_believed_after_a_while_either() {
+    let rig = Memory::new();
+    let arm = active(&rig);
+    let periods = arm.status().periods;
+    until("some control", || arm.status().periods > periods + 500);
+    rig.wire().lock().noise = Some(Box::new(move |answers| {
+        let spoil = |frame: CanFrame| shifted(&frame, 300_000).unwrap_or(frame);
+        answers.into_iter().map(spoil).collect()
+    }));
+    until("the loss", || arm.status().loss.is_some());
+    let kind = arm.status().loss.expect("it was lost").kind;
+    let node = Node::of_motor(3);
+    assert_eq!(kind, CanErrorKind::Silent { node });
 }
 
 /// libbarrett: the safety module ignores velocity faults while positions are written, each of which looks like a jump.
@@ -176,6 +196,47 @@ fn a_simulated_puck_follows_its_own_largest_torque() {
     assert_ne!(speed(1000), speed(900));
 }
 
+#[test]
+fn the_safety_module_is_heard_each_second() {
+    let mut pucks = SimulatedPucks::new(WamModel::<7>::new(), SimulatorOptions::default());
+    let mut frames = Vec::new();
+    for _ in 0..3500 {
+        pucks.advance(Duration::from_millis(1), &mut frames);
+    }
+    let heard = frames.iter().filter(|frame| frame.id() == 0x540).count();
+    assert_eq!(heard, 3);
+}
+
+/// The base turns about the vertical, so that its weight does not move it.
+#[test]
+fn a_puck_that_is_switched_off_forgets_its_torque() {
+    let mut pucks = SimulatedPucks::new(WamModel::<7>::new(), SimulatorOptions::default());
+    pucks.advance_start(Duration::from_secs(3));
+    let mut frames = Vec::new();
+    let torques = |motor: i16| {
+        let torques = PuckMessage::Torques([motor, 0, 0, 0]);
+        torques.frame(Address::from_host(Group::LOWER_TORQUES))
+    };
+    pucks.press_activate();
+    pucks.advance(Duration::from_millis(2), &mut frames);
+    pucks.receive(&torques(500), &mut frames);
+    pucks.press_idle();
+    pucks.press_activate();
+    let before = pucks.simulator().angles()[0];
+    let of_others = PuckMessage::Torques([0; 4]).frame(Address::from_host(Group::UPPER_TORQUES));
+    for _ in 0..10 {
+        pucks.receive(&of_others, &mut frames);
+        pucks.advance(Duration::from_millis(2), &mut frames);
+    }
+    let unmoved = pucks.simulator().angles()[0];
+    assert!((unmoved - before).abs() < 1e-6, "it still pushes");
+    for _ in 0..10 {
+        pucks.receive(&torques(500), &mut frames);
+        pucks.advance(Duration::from_millis(2), &mut frames);
+    }
+    assert!((pucks.simulator().angles()[0] - unmoved).abs() > 1e-6);
+}
+
 /// Each puck has its own limit, as Barrett has set it.
 #[test]
 fn the_limit_of_a_temperature_is_that_of_the_puck() {
@@ -199,6 +260,28 @@ fn the_limit_of_a_temperature_is_that_of_the_puck() {
     );
     rig.pucks().lock().set_temperature(2, Some(40));
     until("the arm goes on", || arm.status().held.is_none());
+}
+
+/// A current is a torque in units of 1/1024 A (libbarrett), of which each puck tells how many it follows and has per Nm.
+#[test]
+fn ranges_of_currents_are_those_of_the_pucks() {
+    let rig = Memory::new();
+    drop(start(&rig));
+    let tell = |motor: usize, property: PuckProperty, value: i32| {
+        let message = PuckMessage::Value { property, value };
+        let frame = message.frame(Address::from_host(Node::of_motor(motor)));
+        rig.pucks().lock().receive(&frame, &mut Vec::new());
+    };
+    tell(0, PuckProperty::IPNM, 2560);
+    tell(3, PuckProperty::MT, 2048);
+    let arm = start(&rig);
+    let range = |joint: usize| arm.current_ranges(Axes::One(joint.into())).unwrap()[0].max;
+    // 25 Nm of the loop through a ratio of 42.
+    let expected = 25.0 / 42.0 * 2560.0 / 1024.0;
+    assert!((range(0) - expected).abs() < 1e-9, "{} A", range(0));
+    assert_eq!(range(3), 2.0);
+    let limit = arm.amplifier_limit(AmplifierLimit::MaxCurrent, 3.into());
+    assert_eq!(limit.unwrap(), 2.0);
 }
 
 /// A joint that somebody pushes away has stalled, and its fault says so until it is commanded again.

@@ -9,12 +9,12 @@ use yarp_devices::can::puck::{Address, Node, PuckMessage, PuckProperty};
 use yarp_devices::simulation::SafetyLimits;
 use yarp_devices::wam::WamModel;
 use yarp_devices::wam::can::{CanErrorKind, CanOptions, CanWam};
-use yarp_devices::{Axes, Encoders, RemoteVariables, VariableValue};
+use yarp_devices::{Axes, Encoders, Mode, RemoteVariables, VariableValue};
 
 use crate::can;
 
 use can::memory::Memory;
-use can::scenarios::{activate, active, move_elbow, options, start};
+use can::scenarios::{activate, active, modes, move_elbow, options, start};
 use can::{Plug, Rig, until};
 
 /// Has nodes for which `of` is true answer queries for a property with another value.
@@ -91,6 +91,36 @@ fn a_safety_module_that_does_not_take_what_is_written_is_refused() {
     }
 }
 
+/// libbarrett: the role of a safety module is 2.
+#[test]
+fn a_motor_in_the_place_of_the_safety_module_is_refused() {
+    let rig = Memory::new();
+    answer_otherwise(&rig, PuckProperty::ROLE, 0, |node| node == Node::SAFETY);
+    let why = refused(&rig);
+    assert!(why.contains("the role of a safety module"), "{why}");
+}
+
+#[test]
+fn a_safety_module_in_its_error_state_is_refused() {
+    let rig = Memory::new();
+    answer_otherwise(&rig, PuckProperty::STAT, 1, |node| node == Node::SAFETY);
+    let why = refused(&rig);
+    assert!(why.contains("(node 10) is in its error state"), "{why}");
+}
+
+/// The angle of a rotor is within a turn of 4096 counts.
+#[test]
+fn an_angle_that_no_rotor_has_is_refused() {
+    for angle in [-1, 4096] {
+        let rig = Memory::new();
+        answer_otherwise(&rig, PuckProperty::MECH, angle, |node| {
+            node == Node::of_motor(6)
+        });
+        let why = refused(&rig);
+        assert!(why.contains("an angle from 0 to 4095"), "{why}");
+    }
+}
+
 #[test]
 fn a_position_that_a_puck_does_not_take_is_refused() {
     let rig = Memory::new();
@@ -124,6 +154,25 @@ fn how_far_outside_its_limits_a_joint_may_seem_to_be() {
         let found = CanWam::start(WamModel::<7>::new(), options(), rig.open());
         match found {
             Ok(arm) => assert!(fits && arm.status().position_lost.is_none(), "{angle}"),
+            Err(error) => assert!(!fits && error.to_string().contains("outside"), "{error}"),
+        }
+    }
+}
+
+/// The same at the lower end, where the elbow is far from home: the arm is found, and waits for a person.
+#[test]
+fn how_far_below_its_limits_a_joint_may_seem_to_be() {
+    for (angle, fits) in [(-0.9 - 0.1, true), (-0.9 - 0.3, false)] {
+        let rig = Memory::new();
+        drop(start(&rig));
+        tell_position(
+            &rig,
+            3,
+            (-18.0 * 4096.0 / std::f64::consts::TAU * angle) as i32,
+        );
+        let found = CanWam::start(WamModel::<7>::new(), options(), rig.open());
+        match found {
+            Ok(arm) => assert!(fits && arm.status().position_lost.is_some(), "{angle}"),
             Err(error) => assert!(!fits && error.to_string().contains("outside"), "{error}"),
         }
     }
@@ -257,4 +306,43 @@ fn a_silent_safety_module_stops_the_control() {
     let loss = arm.status().loss.expect("it was lost").to_string();
     assert!(loss.contains("watching the safety module"), "{loss}");
     assert!(seen.load(Ordering::Relaxed));
+}
+
+/// Ten unanswered queries, one for each ten periods, are too many.
+#[test]
+fn the_silence_of_the_safety_module_is_noticed_within_a_hundred_periods() {
+    let rig = Memory::new();
+    let arm = active(&rig);
+    rig.pucks().lock().set_silent(Node::SAFETY, true);
+    let before = arm.status().periods;
+    until("the loss", || !arm.status().connected);
+    let periods = arm.status().periods - before;
+    assert!(periods <= 110, "{periods}");
+}
+
+#[test]
+fn a_silent_puck_is_noticed_whichever_it_is() {
+    for motor in [0, 3, 6] {
+        let rig = Memory::new();
+        let arm = active(&rig);
+        let node = Node::of_motor(motor);
+        rig.pucks().lock().set_silent(node, true);
+        until("the loss", || arm.status().loss.is_some());
+        let kind = arm.status().loss.expect("it was lost").kind;
+        assert_eq!(kind, CanErrorKind::Silent { node });
+    }
+}
+
+/// A mode that no safety module has does not permit motion, and counts as no answer.
+#[test]
+fn an_unknown_mode_of_the_safety_module_is_not_active() {
+    let rig = Memory::new();
+    let arm = start(&rig);
+    answer_otherwise(&rig, PuckProperty::MODE, 3, |node| node == Node::SAFETY);
+    until("the loss", || {
+        assert_eq!(modes(&arm), [Mode::HardwareFault; 7]);
+        arm.status().loss.is_some()
+    });
+    let loss = arm.status().loss.expect("it was lost").to_string();
+    assert!(loss.contains("watching the safety module"), "{loss}");
 }

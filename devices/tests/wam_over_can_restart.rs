@@ -4,7 +4,7 @@
 use std::path::PathBuf;
 
 use yarp_devices::can::CanFrame;
-use yarp_devices::can::puck::{PuckMessage, PuckProperty};
+use yarp_devices::can::puck::{Address, Node, PuckMessage, PuckProperty};
 use yarp_devices::kinematics::Joints;
 use yarp_devices::wam::WamModel;
 use yarp_devices::wam::can::{CanErrorKind, CanOptions, CanWam};
@@ -34,11 +34,15 @@ fn start(rig: &Memory, options: CanOptions) -> CanWam {
 
 /// Leaves an arm with its elbow at 150 degrees, and no driver; returns options for the next one.
 fn left_elsewhere(rig: &Memory, name: &str) -> CanOptions {
+    left_at(rig, name, 150.0)
+}
+
+fn left_at(rig: &Memory, name: &str, elbow: f64) -> CanOptions {
     let options = with_record(name);
     let arm = start(rig, options.clone());
     arm.confirm_home().expect("it is folded");
     activate(rig, &arm);
-    move_elbow(rig, &arm, 150.0);
+    move_elbow(rig, &arm, elbow);
     drop(arm);
     options
 }
@@ -96,7 +100,6 @@ fn a_puck_that_restarted_meanwhile_is_noticed() {
 /// The pucks were told other positions by another program, within the plausible motion.
 #[test]
 fn a_puck_that_another_program_told_its_position_is_noticed() {
-    use yarp_devices::can::puck::{Address, Node};
     let rig = Memory::new();
     let options = left_elsewhere(&rig, "told");
     let base = Node::of_motor(0);
@@ -128,6 +131,64 @@ fn a_confirmation_that_the_pucks_contradict_is_refused() {
     let home = WamModel::<7>::new().home;
     rig.pucks().lock().simulator_mut().place(&home);
     arm.confirm_home().expect("it connects");
+}
+
+/// A tenth of a radian is how a person folds an arm; more than 0.2 rad is not home.
+#[test]
+fn how_far_from_home_a_confirmed_arm_may_be() {
+    for (elbow, is_home) in [(172.0, true), (165.0, false)] {
+        let rig = Memory::new();
+        let options = CanOptions {
+            home_confirmed: true,
+            position_file: None,
+            ..left_at(&rig, &format!("near{elbow}"), elbow)
+        };
+        let arm = start(&rig, options);
+        assert_eq!(arm.status().position_lost.is_none(), is_home, "{elbow}");
+    }
+}
+
+/// The angle and the position of a rotor are read one after the other, so that up to a sixteenth of a turn, 256 counts, is
+/// no other origin.
+#[test]
+fn how_far_the_origin_of_a_puck_may_change() {
+    for (by, is_same) in [(200, true), (-200, true), (300, false), (-300, false)] {
+        let rig = Memory::new();
+        let options = left_elsewhere(&rig, &format!("origin{by}"));
+        let base = Node::of_motor(0);
+        let address = Address::from_host(base);
+        let mut answers = Vec::new();
+        let question = PuckMessage::Get(PuckProperty::P).frame(address);
+        rig.pucks().lock().receive(&question, &mut answers);
+        let Ok((_, PuckMessage::Position { motor, .. })) = PuckMessage::read(&answers[0]) else {
+            panic!("{answers:?}");
+        };
+        let told = PuckMessage::Value {
+            property: PuckProperty::P,
+            value: motor + by,
+        };
+        rig.pucks()
+            .lock()
+            .receive(&told.frame(address), &mut answers);
+        let arm = start(&rig, options);
+        let lost = arm.status().position_lost.map(|error| error.kind);
+        let expected = (!is_same).then_some(CanErrorKind::OriginChanged { node: base });
+        assert_eq!(lost, expected, "{by}");
+    }
+}
+
+#[test]
+fn a_lost_position_is_not_kept_for_the_next_driver() {
+    let rig = Memory::new();
+    let options = with_record("lost");
+    let path = options.position_file.clone().unwrap();
+    let arm = start(&rig, options);
+    arm.confirm_home().expect("it is folded");
+    until("a record", || path.exists());
+    rig.pucks().lock().press_stop();
+    until("the loss", || arm.status().position_lost.is_some());
+    drop(arm);
+    assert!(!path.exists());
 }
 
 /// Starts an arm 2.3 degrees off home at the base and 4 at the wrist, with these zero angles; returns how far the believed
@@ -169,22 +230,35 @@ fn motors_without_a_zero_angle_are_assumed_at_home() {
     assert!(off[4].abs() < 0.5, "{off:?}");
 }
 
+/// Returns a bus on which the puck of motor 1 answers otherwise.
+fn answering(property: PuckProperty, value: i32) -> Memory {
+    let rig = Memory::new();
+    let replace = move |frame: CanFrame| match PuckMessage::read(&frame) {
+        Ok((address, PuckMessage::Value { property: of, .. }))
+            if of == property && address.from == Node::of_motor(0) =>
+        {
+            PuckMessage::Value { property, value }.frame(address)
+        }
+        _ => frame,
+    };
+    rig.wire().lock().noise = Some(Box::new(move |answers| {
+        answers.into_iter().map(replace).collect()
+    }));
+    rig
+}
+
+/// libbarrett: firmware 118 tells the absolute angle of its rotor.
+#[test]
+fn motors_with_firmware_118_are_corrected() {
+    let off = off_by(&answering(PuckProperty::VERS, 118), [0.0; 7]);
+    assert!(off.iter().all(|off| off.abs() < 0.5), "{off:?}");
+}
+
 /// Firmware before 118, and pucks whose role has no absolute encoder.
 #[test]
 fn motors_without_an_absolute_encoder_are_assumed_at_home() {
     for (property, value) in [(PuckProperty::VERS, 117), (PuckProperty::ROLE, 0x0400)] {
-        let rig = Memory::new();
-        let replace = move |frame: CanFrame| match PuckMessage::read(&frame) {
-            Ok((address, PuckMessage::Value { property: of, .. }))
-                if of == property && address.from == yarp_devices::can::puck::Node::of_motor(0) =>
-            {
-                PuckMessage::Value { property, value }.frame(address)
-            }
-            _ => frame,
-        };
-        rig.wire().lock().noise = Some(Box::new(move |answers| {
-            answers.into_iter().map(replace).collect()
-        }));
+        let rig = answering(property, value);
         let off = off_by(&rig, [0.0; 7]);
         assert!((off[0] + 2.3).abs() < 0.3, "{property}: {off:?}");
         assert!(off[4].abs() < 0.5, "{property}: {off:?}");

@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use yarp_devices::can::puck::Node;
+use yarp_devices::can::puck::{Address, Node, PuckMessage, PuckProperty, status};
 use yarp_devices::simulation::WakeUp;
 use yarp_devices::wam::WamModel;
 use yarp_devices::wam::can::CanWam;
@@ -64,6 +64,48 @@ fn a_puck_that_never_wakes_is_named() {
         let named = format!("puck {} does not answer", index + 1);
         assert!(error.contains("waking pucks"), "{error}");
         assert!(error.contains(&named), "{error}");
+    }
+}
+
+#[test]
+fn a_lost_command_to_wake_is_repeated() {
+    let rig = Memory::new();
+    for node in nodes() {
+        let soon = waking_after(Some(Duration::from_millis(100)));
+        rig.pucks().lock().set_wake_up(node, soon);
+    }
+    let wake = PuckMessage::Value {
+        property: PuckProperty::STAT,
+        value: status::READY,
+    };
+    let wake = wake.frame(Address::from_host(Node::of_motor(2)));
+    let mut lost = 0;
+    rig.wire().lock().loss = Some(Box::new(move |frame| {
+        let loses = lost == 0 && *frame == wake;
+        lost += u32::from(loses);
+        loses
+    }));
+    let started = CanWam::start(WamModel::<7>::new(), options(), rig.open());
+    assert!(started.is_ok(), "{:?}", started.err());
+}
+
+/// A question that is lost twice is asked again; after three losses the puck counts as silent.
+#[test]
+fn lost_questions_are_repeated() {
+    for (losses, starts) in [(2, true), (3, false)] {
+        for property in [PuckProperty::VERS, PuckProperty::P] {
+            let rig = Memory::new();
+            let address = Address::from_host(Node::of_motor(2));
+            let question = PuckMessage::Get(property).frame(address);
+            let mut left = losses;
+            rig.wire().lock().loss = Some(Box::new(move |frame| {
+                let loses = left > 0 && *frame == question;
+                left -= u32::from(loses);
+                loses
+            }));
+            let started = CanWam::start(WamModel::<7>::new(), options(), rig.open());
+            assert_eq!(started.is_ok(), starts, "{property}, {losses} losses");
+        }
     }
 }
 

@@ -112,6 +112,27 @@ mod tests {
         assert!(after.amax() < 1e-6, "{after}");
     }
 
+    /// The mean does not grow with the number of poses.
+    #[test]
+    fn the_unexplained_is_a_mean_over_the_poses() {
+        let model = WamModel::<7>::new();
+        let off = |joint: usize| if joint == 3 { 2.0 } else { 0.0 };
+        let held = |joints: Joints<7>| HeldPose {
+            joints,
+            torques: model.calibration.torques(&model.chain, &joints)
+                + Joints::<7>::from_fn(|joint, _| off(joint)),
+        };
+        for count in [1, 4, 25] {
+            let poses: Vec<_> = poses(&model, count)
+                .into_iter()
+                .map(|pose| held(pose.joints))
+                .collect();
+            let unexplained = model.calibration.unexplained(&model.chain, &poses);
+            assert!((unexplained[3] - 2.0).abs() < 1e-9, "{unexplained}");
+            assert!(unexplained[1].abs() < 1e-9, "{unexplained}");
+        }
+    }
+
     /// Moments about the vertical first axis never show.
     #[test]
     fn what_does_not_show_stays() {

@@ -459,6 +459,42 @@ mod tests {
         }
     }
 
+    /// 20 deg/s with 200 deg/s², not with the 40 deg/s² of a stop.
+    #[test]
+    fn an_axis_set_idle_brakes_as_hard_as_it_can() {
+        for mode in [Mode::Idle, Mode::ForceIdle] {
+            let mut model = lone_axis();
+            model.position_move(FIRST, &[40.0]).unwrap();
+            run(&mut model, 1.0);
+            let before = now(&model);
+            assert_eq!(before.velocity, 20.0);
+            model.set_control_modes(FIRST, &[mode]).unwrap();
+            run(&mut model, 1.0);
+            assert!((now(&model).position - before.position - 1.0).abs() < 0.01);
+        }
+    }
+
+    /// Full torque gives 200 deg/s² at first and holds 100 deg/s in the end.
+    #[test]
+    fn a_duty_cycle_is_a_share_of_full_torque() {
+        for percent in [100.0, -100.0, 50.0] {
+            let mut model = lone_axis();
+            let full = model.torque_ranges(FIRST).unwrap()[0].max;
+            model.set_control_modes(FIRST, &[Mode::Pwm]).unwrap();
+            model.set_reference_duty_cycles(FIRST, &[percent]).unwrap();
+            let share = percent / 100.0;
+            assert!((model.torques(FIRST).unwrap()[0] - share * full).abs() < 1e-9);
+            assert!((model.duty_cycles(FIRST).unwrap()[0] - percent).abs() < 1e-9);
+            run(&mut model, 0.01);
+            assert!((now(&model).velocity - 2.0 * share).abs() < 0.05);
+        }
+        let mut model = lone_axis();
+        model.position_move(FIRST, &[40.0]).unwrap();
+        run(&mut model, 1.0);
+        assert_eq!(now(&model).velocity, 20.0);
+        assert!((model.duty_cycles(FIRST).unwrap()[0] - 20.0).abs() < 1e-6);
+    }
+
     #[test]
     fn setting_the_mode_it_is_in_changes_nothing() {
         let mut model = lone_axis();

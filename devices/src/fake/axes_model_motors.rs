@@ -612,6 +612,47 @@ fn no_variable(name: &str) -> DeviceError {
 mod tests {
     use super::*;
 
+    fn shoulder() -> AxesModel {
+        AxesModel::new(crate::wam::parameters().into_iter().take(1))
+    }
+
+    #[test]
+    fn the_output_of_a_loop_is_within_its_largest() {
+        let mut model = shoulder();
+        for (offset, output) in [(250.0, 100.0), (-250.0, -100.0), (50.0, 50.0)] {
+            let pid = Pid {
+                offset,
+                ..model.pids(PidKind::Position, Axes::All).unwrap()[0]
+            };
+            assert_eq!(pid.max_output, 100.0);
+            model
+                .set_pids(PidKind::Position, Axes::All, &[pid])
+                .unwrap();
+            let found = model.pid_values(PidKind::Position, PidValue::Output, Axes::All);
+            assert_eq!(found.unwrap(), [output]);
+        }
+    }
+
+    #[test]
+    fn frictions_have_a_range() {
+        let mut model = shoulder();
+        for (asked, fits) in [(0.01, true), (0.009, false), (1e3, true), (1001.0, false)] {
+            let taken = model.set_variable(FRICTION, &[VariableValue::Number(asked)]);
+            assert_eq!(taken.is_ok(), fits, "{asked}");
+        }
+    }
+
+    #[test]
+    fn an_amplifier_gives_half_its_largest_current_for_ever() {
+        let model = shoulder();
+        let limit = |limit| model.amplifier_limit(limit, 0.into()).unwrap();
+        let most = model.current_ranges(Axes::All).unwrap()[0].max;
+        assert_eq!(limit(AmplifierLimit::MaxCurrent), most);
+        assert_eq!(limit(AmplifierLimit::PeakCurrent), most);
+        assert_eq!(limit(AmplifierLimit::NominalCurrent), most / 2.0);
+        assert_eq!(limit(AmplifierLimit::DutyCycle), 100.0);
+    }
+
     #[test]
     fn stored_variables_keep_their_values() {
         let mut model = AxesModel::new([]);

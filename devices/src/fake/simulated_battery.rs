@@ -128,6 +128,12 @@ mod tests {
             (after(1.0).charge, after(1.0).status),
             (50.0, BatteryStatus::InUse)
         );
+        assert_eq!(after(0.0).temperature, 25.0);
+        // Low below 15 percent, critical below 5.
+        assert_eq!(after(1.68).status, BatteryStatus::InUse);
+        assert_eq!(after(1.72).status, BatteryStatus::Low);
+        assert_eq!(after(1.88).status, BatteryStatus::Low);
+        assert_eq!(after(1.92).status, BatteryStatus::Critical);
         assert_eq!(after(1.75).status, BatteryStatus::Low);
         assert_eq!(after(1.95).status, BatteryStatus::Critical);
         assert_eq!((after(9.0).charge, after(9.0).voltage), (0.0, 21.0));

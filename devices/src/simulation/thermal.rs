@@ -49,6 +49,7 @@ mod tests {
     #[test]
     fn a_current_warms_its_own_puck_and_rest_cools_it() {
         let mut warmth = ThermalModel::<2>::at_rest();
+        assert_eq!(warmth.temperatures(), [40.0; 2], "Barrett's wiki");
         let current = |motor| if motor == 0 { -2.0 } else { 0.0 };
         for _ in 0..(TIME_CONSTANT / 0.1) as usize {
             warmth.advance(current, 0.1);

@@ -348,6 +348,33 @@ mod tests {
         );
     }
 
+    /// libbarrett's speeds of the tool, owd's of the joints; and how far each may be changed.
+    #[test]
+    fn options_have_their_defaults_and_ends() {
+        let options = StraightLineOptions::default();
+        assert_eq!((options.speed, options.acceleration), (0.1, 0.2));
+        assert_eq!((options.turn_speed, options.turn_acceleration), (0.5, 0.5));
+        assert_eq!(options.joint_speed, 2.5);
+        for (field, most) in [0.5, 10.0, 10.0, 100.0].into_iter().enumerate() {
+            for (asked, fits) in [
+                (most, true),
+                (most * 1.01, false),
+                (0.001, true),
+                (0.0009, false),
+                (f64::NAN, false),
+            ] {
+                let mut changed = options;
+                *[
+                    &mut changed.speed,
+                    &mut changed.acceleration,
+                    &mut changed.turn_speed,
+                    &mut changed.turn_acceleration,
+                ][field] = asked;
+                assert_eq!(changed.check::<7>().is_ok(), fits, "{changed:?}");
+            }
+        }
+    }
+
     #[test]
     fn no_way_takes_one_period() {
         let here = shifted(0.0, 0.0, 0.0, 0.0);

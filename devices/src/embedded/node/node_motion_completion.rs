@@ -142,6 +142,20 @@ mod tests {
     }
 
     #[test]
+    fn an_arm_at_rest_is_slower_than_a_fiftieth_of_a_radian_per_second_for_50_ms() {
+        assert!(Motion::is_still(0.019) && !Motion::is_still(0.021));
+        let mut motion = Motion::default();
+        let now = Instant::now();
+        motion.begin();
+        assert!(motion.ask());
+        assert_eq!(motion.look(now, true), None);
+        let early = now + Duration::from_millis(49);
+        assert_eq!(motion.look(early, true), None);
+        let late = now + Duration::from_millis(51);
+        assert_eq!(motion.look(late, true), ended(&[1], ""));
+    }
+
+    #[test]
     fn a_newer_move_ends_the_older_one() {
         let mut motion = Motion::default();
         let now = Instant::now();
@@ -160,7 +174,7 @@ mod tests {
         let mut motion = Motion::default();
         motion.begin();
         while motion.ask() {}
-        assert_eq!(motion.questions.len(), MAX_PENDING_QUERIES);
+        assert_eq!(motion.questions.len(), 100);
         motion.drop_pending_queries();
         assert!(motion.ask());
         assert_eq!(motion.fail("fault").questions, [1]);

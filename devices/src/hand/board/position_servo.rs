@@ -155,3 +155,115 @@ fn rest(set_points: &mut AxesModel, motor: Motor, counts: f64) {
     let placed = set_points.place(motor.index().into(), degrees);
     debug_assert!(placed.is_ok(), "there is an axis per motor");
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::AxisIndex;
+    use crate::hand::gcl::MotorFeedback;
+
+    const MILLISECOND: Duration = Duration::from_millis(1);
+    const FIRST: Axes<'static> = Axes::One(AxisIndex::new(0));
+
+    fn feedback(counts: [i16; AXES]) -> Feedback {
+        Feedback {
+            motors: counts.map(|counts| MotorFeedback {
+                position: Some(counts),
+                ..MotorFeedback::default()
+            }),
+            temperature: None,
+        }
+    }
+
+    /// A servo of motors at these counts, with set points there.
+    fn at(counts: [i16; AXES], now: Instant) -> (PositionServo, AxesModel) {
+        let servo = PositionServo::new(&feedback(counts), now);
+        let mut set_points = AxesModel::new(super::super::parameters());
+        servo.place(&mut set_points);
+        (servo, set_points)
+    }
+
+    fn set_point(set_points: &AxesModel) -> f64 {
+        set_points.state(0.into()).expect("it exists").position
+    }
+
+    /// A block has a signed byte for the speed of a motor.
+    #[test]
+    fn speeds_are_within_a_signed_byte() {
+        let now = Instant::now();
+        let (mut servo, mut set_points) = at([0, 17_500, 0, 0], now);
+        for (axis, degrees) in [(0, 140.0), (1, 0.0), (3, 180.0)] {
+            set_points
+                .place(AxisIndex::new(axis), degrees)
+                .expect("it is inside");
+        }
+        let speeds = servo.speeds(&mut set_points, now).map(|motor| motor.speed);
+        assert_eq!(speeds, [127, -127, 0, 127]);
+    }
+
+    /// 12 counts of a finger and 4 of the spread are a tenth and a quarter of a degree.
+    #[test]
+    fn a_motor_close_to_its_set_point_rests() {
+        let now = Instant::now();
+        for (counts, speeds) in [
+            ([12, 0, 0, 4], [0, 0, 0, 0]),
+            ([13, 0, 0, 5], [-1, 0, 0, -1]),
+        ] {
+            let (mut servo, mut set_points) = at(counts, now);
+            for axis in [0, 3] {
+                set_points
+                    .place(AxisIndex::new(axis), 0.0)
+                    .expect("it is inside");
+            }
+            let found = servo.speeds(&mut set_points, now).map(|motor| motor.speed);
+            assert_eq!(found, speeds);
+        }
+    }
+
+    /// Returns whether the set point is given up after so many rounds of this time without a motion.
+    fn gives_up(rounds: u32, time: Duration) -> bool {
+        let start = Instant::now();
+        let (mut servo, mut set_points) = at([0; AXES], start);
+        set_points
+            .set_control_modes(FIRST, &[Mode::Position])
+            .expect("it has it");
+        set_points
+            .position_move(FIRST, &[100.0])
+            .expect("it is inside");
+        // The first rounds lead to a speed.
+        let mut now = start + 50 * MILLISECOND;
+        servo.speeds(&mut set_points, now);
+        for _ in 0..rounds {
+            servo.measure(&feedback([0; AXES]), &mut set_points, now);
+            now += time;
+            servo.speeds(&mut set_points, now);
+        }
+        set_points.motion_done(FIRST).expect("it exists")
+    }
+
+    /// 300 ms and ten rounds: on a slow line there are few rounds, on a fast one they are short.
+    #[test]
+    fn a_motor_that_does_not_move_is_given_up_after_a_while() {
+        assert!(!gives_up(9, 100 * MILLISECOND));
+        assert!(gives_up(10, 100 * MILLISECOND));
+        assert!(!gives_up(29, 10 * MILLISECOND));
+        assert!(gives_up(32, 10 * MILLISECOND));
+    }
+
+    /// After a pause a set point continues, and does not jump to where it would be.
+    #[test]
+    fn a_pause_of_the_machine_is_no_way() {
+        let way = |pause: Duration| {
+            let start = Instant::now();
+            let (mut servo, mut set_points) = at([0; AXES], start);
+            set_points
+                .position_move(FIRST, &[100.0])
+                .expect("it is inside");
+            servo.speeds(&mut set_points, start + pause);
+            set_point(&set_points)
+        };
+        assert!(way(50 * MILLISECOND) > 0.1);
+        assert!(way(50 * MILLISECOND) < way(100 * MILLISECOND));
+        assert_eq!(way(Duration::from_secs(10)), way(100 * MILLISECOND));
+    }
+}

@@ -269,6 +269,18 @@ mod tests {
     }
 
     #[test]
+    fn requests_are_these_lines() {
+        let lines = |request: Request| request.lines();
+        assert_eq!(lines(Request::Initialise), ["HI"]);
+        assert_eq!(lines(Request::OpenSpread), ["SO"]);
+        assert_eq!(lines(Request::Open), ["GO"]);
+        assert_eq!(lines(Request::Close), ["GC"]);
+        assert_eq!(lines(Request::Home), ["GM 4000", "1234C"]);
+        assert_eq!(lines(Request::Command("SM 1200".into())), ["SM 1200"]);
+        assert!(lines(Request::Abort).is_empty());
+    }
+
+    #[test]
     fn what_is_no_request_ends_the_reading() {
         let check = |bytes: &[u8], error| {
             assert_eq!(all(bytes, 1), (vec![], Some(error)));

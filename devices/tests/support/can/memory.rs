@@ -15,6 +15,9 @@ use super::{Hook, Plug, Rig, Shared, Switch, run_hook};
 
 const PERIOD: Duration = Duration::from_millis(2);
 
+/// Tells which frames of the host get lost.
+pub type Loss = Box<dyn FnMut(&CanFrame) -> bool + Send>;
+
 /// Changes the frames that the host receives.
 pub type Noise = Box<dyn FnMut(Vec<CanFrame>) -> Vec<CanFrame> + Send>;
 
@@ -30,6 +33,7 @@ pub struct Wire {
     /// The error of all operations on the bus. Time at the other end stops meanwhile.
     pub failure: Option<BusError>,
     pub noise: Option<Noise>,
+    pub loss: Option<Loss>,
 }
 
 impl Memory {
@@ -80,6 +84,9 @@ impl<const N: usize> CanBus for End<N> {
         let mut wire = self.wire.lock();
         if let Some(failure) = &wire.failure {
             return Err(failure.clone());
+        }
+        if wire.loss.as_mut().is_some_and(|loses| loses(frame)) {
+            return Ok(());
         }
         let mut answers = Vec::new();
         let mut pucks = self.pucks.lock();
