@@ -172,7 +172,8 @@ fn another_posture_needs_permission() {
         let before = joints(&arm);
         let (driver, node) = connected(&arm, false);
         let refused = driver.move_to(target).unwrap_err();
-        assert_eq!(joints(&arm), before);
+        // The way to the start ends within a millionth of a degree.
+        assert!((joints(&arm) - before).amax() < 1e-6);
         assert_eq!(node.status().refused, 1);
         refused
     };

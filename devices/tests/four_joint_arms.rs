@@ -308,9 +308,11 @@ fn a_driver_of_other_joints_than_its_arm_has_says_what_to_set() {
         let driver = EmbeddedWam::start(options).unwrap();
         let node = NodeOptions::new(LinkMode::Connect(driver.addresses()));
         let _node = WamNode::start(arm, node).unwrap();
-        let reason = || driver.encoder_readings(Axes::All).unwrap_err().to_string();
-        eventually("the reason", || reason().contains("set `joints`"));
-        assert!(reason().contains(expected), "{}", reason());
+        let advice = format!("{expected} (if the arm has another number of them, set `joints`)");
+        eventually(expected, || {
+            let failure = driver.link().last_failure;
+            failure.is_some_and(|failure| failure.contains(&advice))
+        });
     }
 }
 

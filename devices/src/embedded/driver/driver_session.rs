@@ -99,7 +99,9 @@ impl<'a> Session<'a> {
         // Before anything changes: an arm with other joints than this driver's shows here.
         let joints = options.joints.len();
         self.read_joints().map_err(|mut error| {
-            if error.step.ends_with(READING) {
+            // An answer that is too long comes with its acknowledgement, one that is too short breaks off.
+            let surplus = matches!(error.cause, LinkErrorKind::Protocol(_));
+            if surplus || error.step.ends_with(READING) {
                 error.step += &format!(
                     " for {joints} joints (if the arm has another number of them, set `joints`)"
                 );
