@@ -95,7 +95,7 @@ test-etcd: setup-vision
 stock: setup
 	conformance/stock/install.sh "$(STOCK)"
 
-# `PROFILE=dev` tries what `make test FEATURES=etcd` built, instead of a release. `PARTS=1` runs three parts at once, which needs root.
+# `PROFILE=dev` tries what `make test FEATURES=etcd` built, instead of a release. `PARTS=1` runs four parts at once, which needs root.
 PROFILE ?= release
 
 test-live: $(if $(filter dev,$(PROFILE)),setup,build) stock

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Runs the live suite in three parts at once. Most of a suite is waiting. Needs root.
+# Runs the live suite in four parts at once. Most of a suite is waiting. Needs root.
 #
 # Each part has a network, a /tmp and shared memory of its own: it sees no name server, port or file of the others.
 set -euo pipefail
@@ -28,7 +28,7 @@ said=$(mktemp -d)
 rm -f target/live/failures-*
 trap 'rm -rf "$said"' EXIT
 begin=$SECONDS
-parts=(programs ours stock)
+parts=(programs commands ours stock)
 others=()
 for name in "${parts[@]:1}"; do
     part "$name" >"$said/$name" 2>&1 &

@@ -4,7 +4,7 @@
 #   conformance/live/run.sh           all suites
 #   conformance/live/run.sh copies    those that have this in their title
 #
-# PART=programs, PART=ours and PART=stock each run a part, PART=none only installs and builds. `in_parts.sh` runs all at once.
+# PART=programs, PART=commands, PART=ours and PART=stock each run a part, PART=none only installs and builds. `in_parts.sh` runs all at once.
 #
 # PROFILE=dev tries the programs that the tests were built with, which check more and are slower, instead of a release.
 set -euo pipefail
@@ -96,13 +96,6 @@ try_programs() {
 
     suite "VLC watches an image port" python3 conformance/live/vlc.py target/debug/examples/mjpeg_images
 
-    for server in ours stock; do
-        suite "the yarp command, server: $server" "$python" conformance/live/cli.py \
-            --stock-yarp "$STOCK/bin/yarp" --our-yarp "$ours" --server "$server"
-        suite "connections that last, server: $server" "$python" conformance/live/lasting.py \
-            --stock-yarp "$STOCK/bin/yarp" --our-yarp "$ours" --server "$server"
-    done
-
     suite "the page of the name server in a browser" "$python" conformance/web/name_server.py \
         --yarp "$ours" --with-stock "$with_stock" --out target/web
     suite "ports of ours in a browser" "$python" conformance/web/ports.py \
@@ -113,11 +106,6 @@ try_programs() {
     tidy=""
     if "$ours" demo tidy --help >/dev/null 2>&1; then tidy=--tidy; fi
     suite "the live view in a browser" "$python" conformance/web/view.py --yarp "$ours" --out target/web $tidy
-    for server in ours stock; do
-        suite "keys of auth.conf, server: $server" "$python" conformance/live/auth.py \
-            --stock-yarp "$STOCK/bin/yarp" --our-yarp "$ours" --server "$server"
-    done
-
     # Only a build with the simulated table has it, as `make test` makes.
     if "$ours" demo reorder --help >/dev/null 2>&1; then
         suite "objects into slots, commanded by stock's Python" "$with_stock" "$python" conformance/live/reordering.py "$ours"
@@ -130,6 +118,18 @@ try_programs() {
     if [ "$(id -u)" = 0 ]; then as_root=""; else as_root="sudo"; fi
     suite "a name server with legs in two networks" $as_root env STOCK="$STOCK" \
         conformance/live/networks.sh "$ours" "$with_stock"
+}
+
+# Suites of commands, which start a name server of "ours" and then one of "stock".
+try_commands() {
+    for server in ours stock; do
+        suite "the yarp command, server: $server" "$python" conformance/live/cli.py \
+            --stock-yarp "$STOCK/bin/yarp" --our-yarp "$ours" --server "$server"
+        suite "connections that last, server: $server" "$python" conformance/live/lasting.py \
+            --stock-yarp "$STOCK/bin/yarp" --our-yarp "$ours" --server "$server"
+        suite "keys of auth.conf, server: $server" "$python" conformance/live/auth.py \
+            --stock-yarp "$STOCK/bin/yarp" --our-yarp "$ours" --server "$server"
+    done
 }
 
 # Suites with a name server of "ours" or of "stock".
@@ -247,16 +247,18 @@ try_server() {
 case ${PART:-all} in
 all)
     try_programs
+    try_commands
     # Numbers that the first server gave out may still be busy.
     try_server ours 15510
     try_server stock 16510
     ;;
 programs) try_programs ;;
+commands) try_commands ;;
 ours) try_server ours 15510 ;;
 stock) try_server stock 16510 ;;
 none) exit 0 ;;
 *)
-    echo "live: PART is programs, ours, stock or none, not $PART" >&2
+    echo "live: PART is programs, commands, ours, stock or none, not $PART" >&2
     exit 1
     ;;
 esac
