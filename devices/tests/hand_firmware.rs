@@ -209,8 +209,10 @@ fn the_control_board_moves_at_the_same_speed_with_both_versions() {
         assert!(GclConnection::is_connected(&board));
         let axis = Axes::One(Motor::F1.index().into());
         board.position_move(axis, &[40.0]).unwrap();
-        eventually("the target", || board.motion_done(axis).unwrap());
-        let there = stage.there.positions()[0] / 125.0;
-        assert!((there - 40.0).abs() < 0.2, "{version}: {there}");
+        eventually("the end of the motion", || board.motion_done(axis).unwrap());
+        // On a busy machine the motor may still be on its last steps.
+        eventually(&format!("the target, {version}"), || {
+            (stage.there.positions()[0] / 125.0 - 40.0).abs() < 0.2
+        });
     }
 }
