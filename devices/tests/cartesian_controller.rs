@@ -180,7 +180,7 @@ fn what_is_no_arm_of_that_kind_is_refused() {
     assert!(matches!(start(seven), Err(DeviceError::WrongCount { .. })));
 }
 
-/// As documented: 2 s for a motion, 1 cm, and the middles of the joints' ranges as rest posture.
+/// Checks the documented defaults: 2 s for a motion, 1 cm, and the middles of the joints' ranges as rest posture.
 #[test]
 fn the_settings_at_the_start_are_those_documented() {
     let (_arm, tool) = controller();

@@ -213,18 +213,33 @@ fn a_motor_of_the_simulator_follows_its_largest_torque_at_most() {
     assert_ne!(pushed(4320), pushed(4200));
 }
 
-/// Barrett's wiki: velocity is judged at the elbow and at the end of the forearm, 0.35 m beyond it.
-#[test]
-fn the_speed_of_the_forearm_counts() {
+/// Runs an arm for 50 periods from a posture, its motors off and a joint pushed by `torque`, Nm. The joints in `stiff` do not
+/// move.
+///
+/// Returns the speed of that joint, rad/s, and that which the safety module judges, m/s.
+fn pushed_from(posture: [f64; 7], joint: usize, torque: f64, stiff: &[usize]) -> (f64, f64) {
     let mut arm = Simulator::new(WamModel::<7>::new(), SimulatorOptions::default());
-    arm.place(&Joints::<7>::from([0.0, 0.0, 0.0, 1.5, 0.0, 0.0, 0.0]));
-    arm.twist([0.0, 0.0, 0.0, 30.0, 0.0, 0.0, 0.0].into());
+    let mut friction = WamModel::<7>::new().friction;
+    for joint in stiff {
+        friction[*joint].coulomb = 1e6;
+    }
+    arm.set_friction(friction);
+    arm.place(&posture.into());
+    let mut torques = Joints::<7>::zeros();
+    torques[joint] = torque;
+    arm.twist(torques);
     for _ in 0..50 {
         arm.step(None);
     }
-    let turning = arm.velocities()[3].abs();
+    (arm.velocities()[joint].abs(), arm.speed())
+}
+
+/// Barrett's wiki: velocity is judged at the elbow and at the end of the forearm, 0.35 m beyond it.
+#[test]
+fn the_speed_of_the_forearm_counts() {
+    let (turning, speed) = pushed_from([0.0, 0.0, 0.0, 1.5, 0.0, 0.0, 0.0], 3, 30.0, &[]);
     assert!(turning > 0.2, "{turning} rad/s");
-    assert!(arm.speed() > 0.25 * turning, "{} m/s", arm.speed());
+    assert!(speed > 0.25 * turning, "{speed} m/s");
 }
 
 /// A compliant joint pushes no harder than the position loop may: 15 Nm at the elbow (LB).
@@ -567,35 +582,19 @@ fn effects_of_a_real_arm() {
 /// Turned by the elbow alone, the end of the forearm is 0.35 m along it and 0.045 m beside the axis.
 #[test]
 fn the_end_of_the_forearm_is_where_the_safety_module_judges_it() {
-    let mut arm = Simulator::new(WamModel::<7>::new(), SimulatorOptions::default());
-    let mut friction = WamModel::<7>::new().friction;
-    for joint in [0, 1, 2, 4, 5, 6] {
-        friction[joint].coulomb = 1e6;
-    }
-    arm.set_friction(friction);
-    arm.place(&Joints::<7>::from([0.0, 0.0, 0.0, 1.5, 0.0, 0.0, 0.0]));
-    arm.twist([0.0, 0.0, 0.0, 30.0, 0.0, 0.0, 0.0].into());
-    for _ in 0..50 {
-        arm.step(None);
-    }
-    let turning = arm.velocities()[3].abs();
+    let others = [0, 1, 2, 4, 5, 6];
+    let (turning, speed) = pushed_from([0.0, 0.0, 0.0, 1.5, 0.0, 0.0, 0.0], 3, 30.0, &others);
     assert!(turning > 0.2, "{turning} rad/s");
-    let radius = arm.speed() / turning;
+    let radius = speed / turning;
     assert!((radius - 0.35_f64.hypot(0.045)).abs() < 1e-6, "{radius} m");
 }
 
 /// With the arm folded, the shoulder moves the elbow faster than the end of the forearm.
 #[test]
 fn the_speed_of_the_elbow_counts() {
-    let mut arm = Simulator::new(WamModel::<7>::new(), SimulatorOptions::default());
-    arm.place(&Joints::<7>::from([0.0, 0.0, 0.0, 3.0, 0.0, 0.0, 0.0]));
-    arm.twist([0.0, 60.0, 0.0, 0.0, 0.0, 0.0, 0.0].into());
-    for _ in 0..50 {
-        arm.step(None);
-    }
-    let turning = arm.velocities()[1].abs();
+    let (turning, speed) = pushed_from([0.0, 0.0, 0.0, 3.0, 0.0, 0.0, 0.0], 1, 60.0, &[]);
     assert!(turning > 0.05, "{turning} rad/s");
-    assert!(arm.speed() > 0.5 * turning, "{} m/s", arm.speed());
+    assert!(speed > 0.5 * turning, "{speed} m/s");
 }
 
 /// An idle joint of an active arm is braked by its shorted windings, whatever is commanded.

@@ -48,28 +48,32 @@ mod tests {
 
     #[test]
     fn a_current_warms_its_own_puck_and_rest_cools_it() {
-        let mut warmth = ThermalModel::<2>::at_rest();
-        assert_eq!(warmth.temperatures(), [40.0; 2], "Barrett's wiki");
+        let mut motors = ThermalModel::<2>::at_rest();
+        assert_eq!(
+            motors.temperatures(),
+            [40.0; 2],
+            "at rest, by Barrett's wiki"
+        );
         let current = |motor| if motor == 0 { -2.0 } else { 0.0 };
         for _ in 0..(TIME_CONSTANT / 0.1) as usize {
-            warmth.advance(current, 0.1);
+            motors.advance(current, 0.1);
         }
-        let [warm, cool] = warmth.temperatures();
+        let [warm, cool] = motors.temperatures();
         assert!(
             (warm - (REST_TEMPERATURE + 4.0 * CELSIUS_PER_AMPERE_SQUARED * 0.632)).abs() < 0.05,
             "{warm}"
         );
         assert_eq!(cool, REST_TEMPERATURE);
         // In steps of any length, and never beyond the end.
-        warmth.advance(current, 1e9);
+        motors.advance(current, 1e9);
         assert_eq!(
-            warmth.temperatures(),
+            motors.temperatures(),
             [
                 REST_TEMPERATURE + 4.0 * CELSIUS_PER_AMPERE_SQUARED,
                 REST_TEMPERATURE
             ]
         );
-        warmth.advance(|_| 0.0, 1e9);
-        assert_eq!(warmth.temperatures(), [REST_TEMPERATURE; 2]);
+        motors.advance(|_| 0.0, 1e9);
+        assert_eq!(motors.temperatures(), [REST_TEMPERATURE; 2]);
     }
 }
