@@ -315,4 +315,20 @@ mod tests {
         assert!(times[3] >= times[2] + Duration::from_millis(9));
         assert_eq!(times.len(), 20);
     }
+
+    /// `docs/network-time.md`: at most 10 s of a single step of the clock.
+    #[test]
+    fn ten_seconds_of_a_step_of_a_network_clock_are_made_up_for_and_no_more() {
+        for (step, caught_up) in [(10.0, true), (10.1, false)] {
+            let time = std::sync::Arc::new(crate::clock::NetworkTime::new("/clock"));
+            time.tick(100, 0).unwrap();
+            let source = TimeSource::Network(time);
+            let mut timer = PeriodicTimer::on(source, PERIOD, MissedCycles::CatchUp);
+            let due = timer.next();
+            let late = due + Duration::from_secs_f64(step);
+            timer.done(late);
+            let expected = if caught_up { due } else { late } + PERIOD;
+            assert_eq!(timer.next(), expected, "{step} s");
+        }
+    }
 }

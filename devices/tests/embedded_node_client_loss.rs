@@ -2,7 +2,7 @@
 
 use crate::embedded;
 
-use std::io::{Read, Write};
+use std::io::{ErrorKind, Read, Write};
 use std::net::TcpStream;
 use std::sync::Arc;
 use std::time::Duration;
@@ -249,6 +249,31 @@ fn a_client_that_says_nothing_is_left() {
         let end = node.status().last_end.unwrap_or_default();
         end.contains("no data")
     });
+}
+
+/// It is turned away while the first one is served, not when that one has gone.
+#[test]
+fn a_second_client_is_turned_away_and_the_first_goes_on() {
+    let (_arm, node) = node(|_| ());
+    let mut client = Client::new(&node);
+    let (mut second, _packets) = connect(node.addresses());
+    let mut rest = Vec::new();
+    while rest.is_empty() {
+        assert!(matches!(client.ask(&Request::Joints), Reply::Joints(_)));
+        second
+            .set_read_timeout(Some(Duration::from_millis(10)))
+            .unwrap();
+        match second.read(&mut [0; 1]) {
+            Ok(0) => break,
+            Ok(_) => rest.push(0),
+            Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {}
+            // A reset is an end too.
+            Err(_) => break,
+        }
+    }
+    assert!(rest.is_empty(), "the second client was answered");
+    assert!(matches!(client.ask(&Request::Joints), Reply::Joints(_)));
+    assert_eq!(node.status().sessions, 1);
 }
 
 #[test]

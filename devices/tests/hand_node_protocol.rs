@@ -147,6 +147,37 @@ fn a_driver_that_goes_away_in_mid_motion_leaves_no_motion_behind() {
     drop((driver, node));
 }
 
+/// `docs/limits.md`: two requests wait behind the one that is carried out.
+#[test]
+fn a_driver_that_sends_more_than_three_requests_at_once_is_left() {
+    let stage = Stage::new();
+    let hand: Arc<dyn GclConnection> = Arc::new(stage.ready());
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let _node = HandNode::start(hand, listener.local_addr().unwrap()).unwrap();
+    for (behind, is_left) in [(2, false), (3, true)] {
+        let (mut driver, _) = listener.accept().unwrap();
+        driver.set_read_timeout(Some(TEST_TIMEOUT)).unwrap();
+        stage.there.freeze(true);
+        driver.write_all(b"cls").unwrap();
+        eventually("a motion under way", || stage.there.is_busy());
+        for _ in 0..behind {
+            driver.write_all(b"cmdPGET BAUD\0").unwrap();
+        }
+        if is_left {
+            // The server stops the motion, and goes.
+            let mut rest = Vec::new();
+            let _ = driver.read_to_end(&mut rest);
+            eventually("the end of the motion", || !stage.there.is_busy());
+            stage.there.freeze(false);
+        } else {
+            stage.there.freeze(false);
+            let mut answers = [0; 9];
+            driver.read_exact(&mut answers).unwrap();
+            assert_eq!(&answers, b"dd96\0d96\0");
+        }
+    }
+}
+
 /// Bytes that are no requests: `q`, the connection closed, and nothing moved.
 #[test]
 fn what_is_no_request_moves_nothing() {

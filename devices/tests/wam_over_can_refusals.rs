@@ -1,7 +1,7 @@
 //! Answers of pucks that do not fit: the driver refuses the arm, names the puck, and does not drive it.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Duration;
 
 use yarp_devices::can::CanFrame;
@@ -316,6 +316,28 @@ fn a_silent_puck_is_noticed_whichever_it_is() {
         until("the loss", || arm.status().loss.is_some());
         let kind = arm.status().loss.expect("it was lost").kind;
         assert_eq!(kind, CanErrorKind::Silent { node });
+    }
+}
+
+/// Two frames that are lost are made up for, a third is not.
+#[test]
+fn a_query_of_a_caller_is_sent_three_times_at_most() {
+    for (lost, attempts, answered) in [(0, 1, true), (2, 3, true), (100, 3, false)] {
+        let rig = Memory::new();
+        let arm = active(&rig);
+        let asked = Arc::new(AtomicUsize::new(0));
+        let seen = Arc::clone(&asked);
+        rig.wire().lock().loss = Some(Box::new(move |frame| {
+            let query = PuckMessage::Get(PuckProperty::VERS);
+            let is_query = can::says(frame, Address::from_host(Node::SAFETY), query);
+            is_query && seen.fetch_add(1, Ordering::Relaxed) < lost
+        }));
+        let told = arm.variable("safety.VERS");
+        assert_eq!(told.is_ok(), answered, "{lost} lost: {told:?}");
+        assert_eq!(asked.load(Ordering::Relaxed), attempts, "{lost} lost");
+        let _ = told.inspect_err(|error| {
+            assert!(error.to_string().contains("node 10"), "{error}");
+        });
     }
 }
 

@@ -488,3 +488,56 @@ impl<const N: usize> State<N> {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::CartesianControl;
+    use crate::wam::{SimulatedWam, WamModel};
+
+    fn controller() -> CartesianController<7> {
+        let arm = Arc::new(SimulatedWam::new());
+        let chain = WamModel::<7>::new().chain;
+        CartesianController::start(arm, chain, CartesianOptions::new()).expect("it starts")
+    }
+
+    /// `docs/limits.md`: 1000, of which context 0 is one.
+    #[test]
+    fn a_client_that_keeps_storing_contexts_is_refused_until_it_deletes_some() {
+        let controller = controller();
+        let ids: Vec<i32> = (1..1000)
+            .map(|_| controller.store_context().expect("there is room"))
+            .collect();
+        let refused = controller.store_context().unwrap_err().to_string();
+        assert!(refused.contains("at most 1000"), "{refused}");
+        controller.delete_contexts(&ids[..1]).unwrap();
+        controller.store_context().expect("there is room again");
+        controller.store_context().unwrap_err();
+    }
+
+    /// `docs/limits.md`: 256.
+    #[test]
+    fn a_listener_that_does_not_read_misses_the_newest_events() {
+        let controller = controller();
+        let events = controller.shared.lock().listen();
+        for time in 0..300 {
+            let time = f64::from(time);
+            controller
+                .shared
+                .lock()
+                .tell(CartesianEvent::Onset { time });
+        }
+        let times: Vec<f64> = events
+            .try_iter()
+            .map(|event| match event {
+                CartesianEvent::Onset { time } => time,
+                other => panic!("{other:?}"),
+            })
+            .collect();
+        assert_eq!((times.len(), times.last()), (256, Some(&255.0)));
+        // It is still a listener.
+        let done = CartesianEvent::Done { time: 300.0 };
+        controller.shared.lock().tell(done);
+        assert_eq!(events.try_iter().collect::<Vec<_>>(), [done]);
+    }
+}

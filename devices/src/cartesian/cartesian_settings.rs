@@ -521,4 +521,29 @@ mod tests {
             .joints;
         assert!((drawn - settings.rest).norm() < (free - settings.rest).norm() - 0.01);
     }
+
+    /// A step is checked at five places for each 0.04 rad that the tool turns, and for each 5 mm that it moves, whichever are more.
+    #[test]
+    fn a_step_is_checked_in_proportion_to_its_rotation_and_its_length() {
+        let arm = WamModel::<7>::new().chain;
+        let settings = Settings::new(*arm.limits());
+        let fast = Joints::<7>::repeat(100.0);
+        let start = bent();
+        let chain = settings.chain(&arm, &start);
+        for (turn, distance, places) in [
+            (0.19, 0.0, 24),
+            (0.19, 0.0185, 24),
+            (0.1, 0.0185, 19),
+            (0.0, 0.0185, 19),
+        ] {
+            let mut target = chain.forward(&start);
+            target.translation.vector.z += distance;
+            target.rotation =
+                Rotation3::new(nalgebra::Vector3::new(0.0, 0.0, turn)) * target.rotation;
+            let followed = settings.follow_task(&chain, &target, Task::Pose, &start, &fast);
+            let way = followed.expect("the arm can turn its tool");
+            let checked = way.places.expect("it is a step").len() - 1;
+            assert_eq!(checked, places, "{turn} rad, {distance} m");
+        }
+    }
 }

@@ -255,4 +255,16 @@ mod tests {
         );
         assert!(microphone.set_software_gain(f64::NAN).is_err());
     }
+
+    /// The concert pitch: 440 Hz, which are eleven periods in 400 samples of 16 kHz.
+    #[test]
+    fn the_tone_is_that_of_a_tuning_fork() {
+        let microphone = FakeMicrophone::new();
+        microphone.set_recording(true).unwrap();
+        let heard = microphone.sound(401, 401, TEST_TIMEOUT).unwrap();
+        let rises = heard.samples.windows(2);
+        let rises = rises.filter(|pair| pair[0] <= 0 && pair[1] > 0).count();
+        assert!((11..=12).contains(&rises), "{rises} periods");
+        assert!(heard.samples[400].abs() < 100, "{}", heard.samples[400]);
+    }
 }

@@ -137,4 +137,23 @@ mod tests {
         drive.advance(1.0);
         assert!(drive.state().position < 50.0);
     }
+
+    /// A hundredth of a degree per second.
+    #[test]
+    fn an_axis_that_coasts_is_at_rest_below_a_hundredth_of_its_unit_per_second() {
+        for (velocity, rests) in [(0.0099, true), (-0.0099, true), (0.0101, false)] {
+            let start = MotionState {
+                velocity,
+                ..MotionState::default()
+            };
+            let mut drive = Drive::new(start, 1e-3, Limits::new(-50.0, 50.0));
+            drive.advance(1e-3);
+            assert_eq!(drive.is_done(), rests, "{velocity}");
+        }
+        // One that is pushed is not, however slow it is.
+        let mut drive = at_rest();
+        drive.push(1e-3);
+        drive.advance(1e-3);
+        assert!(!drive.is_done() && drive.state().velocity > 0.0);
+    }
 }

@@ -271,3 +271,76 @@ impl Watchdog {
 const NO_READING: DeviceError = DeviceError::NoDataYet {
     what: "encoder reading",
 };
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{AxisInfo, EncoderReading, Encoders, JointType, Limits};
+
+    /// A joint at the upper end of its range that moves on with this speed.
+    struct Moving(f64);
+
+    impl AxisInfo for Moving {
+        fn axes(&self) -> usize {
+            1
+        }
+
+        fn axis_name(&self, _: AxisIndex) -> Result<String, DeviceError> {
+            Ok("joint".to_owned())
+        }
+
+        fn joint_type(&self, _: AxisIndex) -> Result<JointType, DeviceError> {
+            Ok(JointType::Revolute)
+        }
+    }
+
+    impl Encoders for Moving {
+        fn read_encoders(
+            &self,
+            _: Axes<'_>,
+            out: &mut [EncoderReading],
+        ) -> Result<(), DeviceError> {
+            out.fill(EncoderReading {
+                position: 20.0,
+                speed: self.0,
+                ..EncoderReading::default()
+            });
+            Ok(())
+        }
+
+        fn set_encoders(&self, _: Axes<'_>, _: &[f64]) -> Result<(), DeviceError> {
+            Err(NO_READING)
+        }
+    }
+
+    impl Device for Moving {
+        crate::offers! { encoders: Encoders }
+    }
+
+    /// One encoder count in a period of 2 ms is 1.05 degrees/s at the base of the arm: what is slower is no motion.
+    #[test]
+    fn a_joint_under_torques_may_rest_at_its_limit_but_not_move_on() {
+        let limits = JointLimits(vec![Limits::new(-20.0, 20.0)]);
+        for (speed, pushed, stops) in [
+            (0.96, true, false),
+            (1.05, true, true),
+            // At a velocity there is no doubt that it moves.
+            (0.96, false, true),
+        ] {
+            let settings = WatchSettings {
+                limits: limits.clone(),
+                effort_limits: limits.clone(),
+                velocity_timeout: None,
+                effort_timeout: None,
+            };
+            let watchdog = Watchdog::new(Arc::new(Moving(speed)), settings, 1);
+            let stream = Stream {
+                commanded_at: Instant::now(),
+                acceleration: 100.0,
+                pushed,
+            };
+            let why = watchdog.must_stop(0.into(), &stream);
+            assert_eq!(why.is_some(), stops, "{speed} deg/s, pushed: {pushed}");
+        }
+    }
+}

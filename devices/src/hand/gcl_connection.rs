@@ -182,3 +182,55 @@ pub(super) fn check_characters(text: &str) -> Result<(), HandError> {
         _ => Ok(()),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    use super::*;
+
+    /// A line on which noise spoils the first replies.
+    struct Noisy {
+        spoilt: usize,
+        asked: AtomicUsize,
+    }
+
+    impl GclConnection for Noisy {
+        fn peer(&self) -> &str {
+            "a hand"
+        }
+
+        fn run(&self, lines: &[String]) -> Result<Vec<Reply>, HandError> {
+            assert_eq!(lines, ["1234FGET P"]);
+            let text = match self.asked.fetch_add(1, Ordering::Relaxed) < self.spoilt {
+                true => "1 2 \u{fffd} 4",
+                false => "1 2 3 4",
+            };
+            let text = text.to_owned();
+            Ok(vec![Reply { text }])
+        }
+
+        fn abort(&self) -> Result<(), HandError> {
+            Ok(())
+        }
+
+        fn is_connected(&self) -> bool {
+            true
+        }
+    }
+
+    #[test]
+    fn a_query_whose_reply_is_spoilt_is_sent_four_times_at_most() {
+        for (spoilt, attempts, found) in [
+            (0, 1, Some([1, 2, 3, 4])),
+            (3, 4, Some([1, 2, 3, 4])),
+            (9, 4, None),
+        ] {
+            let asked = AtomicUsize::new(0);
+            let line = Noisy { spoilt, asked };
+            let outcome = read(&line, Parameter::POSITION);
+            assert_eq!(outcome.ok(), found, "{spoilt} spoilt replies");
+            assert_eq!(line.asked.into_inner(), attempts);
+        }
+    }
+}

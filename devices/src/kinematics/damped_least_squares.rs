@@ -385,3 +385,39 @@ fn solve_positive<const N: usize>(
 ) -> Option<Joints<N>> {
     system.cholesky().map(|cholesky| cholesky.solve(&right))
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Rotation3, Translation3, Vector3};
+
+    use super::*;
+    use crate::Limits;
+    use crate::kinematics::DhRow;
+
+    /// A link of 0.3 m, as long as the forearm of the arm between elbow and wrist (libbarrett: `d` of joint 5), turned to a place on
+    /// one side and to an orientation as far on the other side: an error of a radian weighs as much as one of 0.3 m, so that
+    /// it stays in the middle.
+    #[test]
+    fn out_of_reach_a_radian_weighs_as_much_as_the_length_of_the_forearm() {
+        let row = DhRow {
+            a: 0.3,
+            alpha: 0.0,
+            d: 0.0,
+        };
+        let chain = Chain::new([row], [Limits::new(-1.0, 1.0)]);
+        let at = |angle: f64| Rotation3::new(Vector3::z() * angle);
+        let place = at(0.01) * Vector3::new(0.3, 0.0, 0.0);
+        let target = Pose::from_parts(Translation3::from(place), at(-0.01));
+        let options = SolverOptions {
+            attempts: 1,
+            ..SolverOptions::default()
+        };
+        let solver = Solver::with_options(chain, options);
+        let nearest = solver
+            .solve(&target, &Joints::<1>::repeat(0.005))
+            .expect_err("one joint cannot do both")
+            .nearest;
+        let angle = nearest.joints[0];
+        assert!(angle.abs() < 5e-4, "{angle} rad");
+    }
+}

@@ -557,3 +557,29 @@ fn plant_dynamics<const N: usize>(model: &WamModel<N>, options: &SimulatorOption
         ),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The weight of a car of a ton, about.
+    #[test]
+    fn forces_from_outside_are_cut_at_the_weight_of_a_car() {
+        let mut arm = Simulator::new(WamModel::<7>::new(), SimulatorOptions::default());
+        for (asked, taken) in [
+            (9_999.0, 9_999.0),
+            (-9_999.0, -9_999.0),
+            (10_001.0, 10_000.0),
+            (f64::INFINITY, 10_000.0),
+            (f64::MIN, -10_000.0),
+            (f64::NAN, 0.0),
+        ] {
+            arm.set_contact_torques(Joints::<7>::repeat(asked));
+            arm.twist(Joints::<7>::repeat(asked));
+            arm.push(Vector3::repeat(asked));
+            assert_eq!(arm.contact_torques(), Joints::<7>::repeat(taken), "{asked}");
+            assert_eq!(arm.twist, Joints::<7>::repeat(taken), "{asked}");
+            assert_eq!(arm.push, Vector3::repeat(taken), "{asked}");
+        }
+    }
+}

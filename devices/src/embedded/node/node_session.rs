@@ -36,9 +36,6 @@ impl fmt::Display for End {
     }
 }
 
-/// Interval between rejections of further clients.
-const REJECT_INTERVAL: Duration = Duration::from_millis(100);
-
 /// A client, in the hands of the server's thread.
 pub(super) struct Session<'a> {
     shared: &'a Shared,
@@ -51,7 +48,6 @@ pub(super) struct Session<'a> {
     served: u64,
     replies: i32,
     heard: Instant,
-    rejected_connections: Instant,
 }
 
 impl<'a> Session<'a> {
@@ -75,7 +71,6 @@ impl<'a> Session<'a> {
             served: 0,
             replies: 0,
             heard: Instant::now(),
-            rejected_connections: Instant::now(),
         };
         let end = session.serve().map_or_else(End::Lost, |()| End::Shutdown);
         (session.served, end)
@@ -114,10 +109,7 @@ impl<'a> Session<'a> {
             while let Some(ended) = self.arm.look() {
                 self.tell(&ended)?;
             }
-            if self.rejected_connections.elapsed() > REJECT_INTERVAL {
-                self.rejected_connections = Instant::now();
-                self.connector.reject_pending();
-            }
+            self.connector.reject_pending();
         }
         Ok(())
     }

@@ -575,3 +575,102 @@ fn about(scope: Scope, motors: MotorSet) -> MotorSet {
         Scope::Hand => MotorSet::from(Motor::F1),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A hand at rest that has found its stops, with its motors where `lines` bring them, as warm as the room.
+    fn at_room_temperature(lines: &[&str]) -> Firmware {
+        let mut hand = Firmware::new();
+        hand.advance(1.0);
+        for line in [&["HI"], lines].concat() {
+            hand.receive(format!("{line}\r").as_bytes());
+            while hand.is_busy() {
+                hand.advance(0.01);
+            }
+        }
+        hand.set_temperature(ROOM_TEMPERATURE);
+        hand
+    }
+
+    /// Returns how much warmer it gets in a time, °C.
+    fn heating(hand: &mut Firmware, seconds: f64) -> f64 {
+        hand.set_temperature(35.0);
+        hand.advance(seconds);
+        hand.temperature - 35.0
+    }
+
+    fn is_about(found: f64, expected: f64) -> bool {
+        (found - expected).abs() < 0.1 * expected
+    }
+
+    /// Barrett's wiki: a hand that works has 40 to 60 °C. With all motors moving it settles at 59 °C, `35 + 4 * 0.02 * 300`.
+    #[test]
+    fn four_motors_that_move_warm_the_hand_to_the_top_of_its_usual_range() {
+        let mut hand = at_room_temperature(&["1234FSET MCV 16"]);
+        hand.receive(b"C\r");
+        hand.advance(0.1);
+        let rate = heating(&mut hand, 0.2) / 0.2;
+        assert!(hand.is_busy());
+        let settled = 35.0 + rate * 300.0;
+        assert!((settled - 59.0).abs() < 1.0, "{settled} °C");
+    }
+
+    /// Half of what it is in motion: 47 °C.
+    #[test]
+    fn four_motors_that_hold_warm_the_hand_by_half_as_much_as_four_that_move() {
+        let mut hand = at_room_temperature(&["1234FSET HOLD 1", "GM 5000", "SM 1000"]);
+        let rate = heating(&mut hand, 1.0);
+        assert!(is_about(rate, 0.04), "{rate} °C/s");
+        let settled = 35.0 + rate * 300.0;
+        assert!((settled - 47.0).abs() < 1.0, "{settled} °C");
+        // Without current there is no heat.
+        let mut hand = at_room_temperature(&["1234FSET HOLD 0", "GM 5000", "SM 1000"]);
+        assert_eq!(heating(&mut hand, 1.0), 0.0);
+    }
+
+    /// Barrett's wiki: a long push (`TSTOP`) overheats motors, and 65 °C are the most. One that pushes on gets there from 35 °C in a
+    /// quarter of a minute, by `T' = 2 - (T - 35) / 300`.
+    #[test]
+    fn a_motor_that_pushes_on_overheats_the_hand_in_a_quarter_of_a_minute() {
+        let object = Object {
+            inner: 30.0,
+            outer: 5.0,
+            torque: 0.1,
+        };
+        let mut hand = at_room_temperature(&["1FSET TSTOP 60000", "PSET OTEMP 650"]);
+        hand.set_object(Motor::F1, Some(object));
+        hand.receive(b"1C\r");
+        while hand.motors[0].pushing() == 0.0 {
+            hand.advance(MAX_STEP);
+        }
+        hand.set_temperature(35.0);
+        hand.take_output();
+        let mut seconds = 0.0;
+        while hand.is_busy() {
+            hand.advance(0.01);
+            seconds += 0.01;
+        }
+        let expected = -300.0 * (1.0_f64 - 30.0 / 600.0).ln();
+        assert!(is_about(seconds, expected), "{seconds} s");
+        let output = hand.take_output();
+        assert!(output.windows(8).any(|part| part == b"ERR 8192"));
+    }
+
+    /// The data sheet of the hand: 1.0 s for a finger and 0.5 s for the spread, from one end to the other, with the speeds at
+    /// which it is delivered; and some hundredths of a second more, for the acceleration.
+    #[test]
+    fn fingers_close_and_spread_in_the_times_of_the_data_sheet() {
+        for (line, expected) in [("1M 17500", 1.0), ("SM 3150", 0.5)] {
+            let mut hand = at_room_temperature(&["O"]);
+            hand.receive(format!("{line}\r").as_bytes());
+            let mut seconds = 0.0;
+            while hand.is_busy() {
+                hand.advance(MAX_STEP);
+                seconds += MAX_STEP;
+            }
+            assert!(is_about(seconds, expected), "{line}: {seconds} s");
+        }
+    }
+}

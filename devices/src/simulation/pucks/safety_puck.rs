@@ -135,3 +135,25 @@ fn pendant(module: &SafetyModule) -> Pendant {
     }
     Pendant { lamps }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The largest limit that `VL2` holds is 8 m/s: 16 bits, 12 of them behind the point.
+    #[test]
+    fn a_position_that_is_written_exceeds_every_limit_of_velocity() {
+        let mut puck = SafetyPuck::switched_on(WakeUp::default());
+        let mut module = SafetyModule::new(SafetyLimits {
+            velocity_fault: f64::from(i16::MAX) / 4096.0,
+            ..SafetyLimits::default()
+        });
+        module.press_activate();
+        puck.faults_to_ignore = 1;
+        puck.see_position_written(&mut module);
+        assert_eq!(module.mode(), SafetyMode::Active, "it was to be ignored");
+        puck.see_position_written(&mut module);
+        assert_eq!(module.mode(), SafetyMode::Idle);
+        assert!(matches!(module.fault(), Some(Fault::Velocity { .. })));
+    }
+}

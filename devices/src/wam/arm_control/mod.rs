@@ -682,3 +682,22 @@ impl<const N: usize> ArmControl<N> {
             .unwrap_or(self.measured[axis.index()])
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A count of the base is 360 / (4096 * 42) degrees (libbarrett), the smallest of all joints; one in a period of 2 ms is motion.
+    #[test]
+    fn a_joint_that_turns_by_a_count_per_period_is_not_at_rest() {
+        let model = WamModel::<7>::new();
+        let counts = model.transmission.counts(&model.home);
+        let mut control = ArmControl::new(model, Duration::from_millis(2), counts);
+        let count = 360.0 / (4096.0 * 42.0) / 0.002;
+        for (velocity, done) in [(0.92 * count, true), (count, false), (-count, false)] {
+            control.measured[0].velocity = velocity;
+            let told = control.motion_done(Axes::All).unwrap();
+            assert_eq!(told, done, "{velocity} deg/s");
+        }
+    }
+}
