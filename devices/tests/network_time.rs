@@ -9,7 +9,8 @@ use std::time::{Duration, Instant};
 use yarp_devices::clock::{NetworkTime, TimeSource, TimeWait};
 use yarp_devices::periodic_timer::{MissedCycles, PeriodicTimer};
 use yarp_devices::simulation::SimulatorOptions;
-use yarp_devices::wam::{DynamicWam, SimulatedWam, WamModel, parameters};
+use yarp_devices::wam::can::CanOptions;
+use yarp_devices::wam::{DynamicWam, SimulatedCanWam, SimulatedWam, WamModel, parameters};
 use yarp_devices::{
     Axes, ControlMode, DeviceError, EncoderReading, Encoders, Mode, PositionControl,
     VelocityControl,
@@ -172,6 +173,23 @@ fn the_dynamic_arm_makes_up_for_a_step_of_the_clock() {
     }
     // It ends although its clock stands.
     drop(arm);
+}
+
+/// It ignored the clock, and moved while the rest of the simulation stood.
+#[test]
+fn the_arm_behind_its_driver_refuses_a_clock_and_names_the_one_that_follows_it() {
+    let (model, options) = (WamModel::<7>::new(), CanOptions::default());
+    let source = TimeSource::Network(started(0));
+    let simulator = SimulatorOptions::real_arm();
+    let refused = SimulatedCanWam::start_on(source, model, options, simulator, |_| None);
+    let Err(DeviceError::Start { source, .. }) = refused else {
+        panic!("it started: {refused:?}");
+    };
+    let why = source.to_string();
+    assert!(
+        why.contains("YARP_CLOCK") && why.contains("dynamicWam"),
+        "{why}"
+    );
 }
 
 #[test]

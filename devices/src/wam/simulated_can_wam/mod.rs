@@ -13,6 +13,7 @@ pub use pendant_button::PendantButton;
 use super::can::{CanOptions, CanWam};
 use super::{AXES, WamModel};
 use crate::can::CanBus;
+use crate::clock::TimeSource;
 use crate::kinematics::Joints;
 use crate::simulation::{SafetyMode, SimulatedPucks, SimulatorOptions};
 use crate::{AxisIndex, AxisInfo, Device, DeviceError, JointType, RemoteVariables, VariableValue};
@@ -21,6 +22,11 @@ use crate::{AxisIndex, AxisInfo, Device, DeviceError, JointType, RemoteVariables
 const PENDANT: &str = "pendant";
 /// Variable of the driver by which somebody confirms that the arm is folded at home.
 const CONFIRM_HOME: &str = "confirm_home";
+
+/// Reason for refusing the time of a clock on the network, and the remedy.
+const NETWORK_TIME_REFUSAL: &str = "the driver of the CAN bus and its safety module measure the time of this machine, and cannot follow a clock on \
+    the network (YARP_CLOCK); start it without YARP_CLOCK, or use the device dynamicWam with `effects real` \
+    (yarp up: --simulation dynamic), which follows the clock";
 
 /// Timeout of the activation.
 const ACTIVATION_TIMEOUT: Duration = Duration::from_secs(10);
@@ -37,6 +43,8 @@ const POLL_INTERVAL: Duration = Duration::from_millis(20);
 ///   interrupted leaves the arm without commands for as long.
 /// * Who confirms that the arm is folded folds it, and holds it so until the driver knows, unless it is active.
 /// * The variable `pendant` presses the buttons: [`PendantButton`] lists the words.
+/// * It runs in the time of this machine, as the driver of a real arm does, and does not start in a process that follows a clock on the
+///   network.
 ///
 /// ```
 /// use yarp_devices::simulation::SimulatorOptions;
@@ -59,7 +67,8 @@ pub struct SimulatedCanWam<const N: usize = AXES> {
 impl<const N: usize> SimulatedCanWam<N> {
     /// Switches a simulated arm on and starts its driver, without real-time settings.
     ///
-    /// Blocks until the pucks are awake, two seconds or so. Errors: those of [`CanWam::start`].
+    /// Blocks until the pucks are awake, two seconds or so. Errors: those of [`CanWam::start`]; [`DeviceError::Start`] in a process that
+    /// follows a clock on the network.
     pub fn start(
         model: WamModel<N>,
         options: CanOptions<N>,
@@ -78,6 +87,30 @@ impl<const N: usize> SimulatedCanWam<N> {
         simulator: SimulatorOptions,
         surroundings: impl FnMut(&Joints<N>) -> Option<Joints<N>> + Send + 'static,
     ) -> Result<Self, DeviceError> {
+        Self::start_on(
+            TimeSource::current(),
+            model,
+            options,
+            simulator,
+            surroundings,
+        )
+    }
+
+    /// Starts an arm like [`start_among`](Self::start_among), on the time of `source`, which has to be that of the machine.
+    ///
+    /// Errors: those of [`start`](Self::start).
+    pub fn start_on(
+        source: TimeSource,
+        model: WamModel<N>,
+        options: CanOptions<N>,
+        simulator: SimulatorOptions,
+        surroundings: impl FnMut(&Joints<N>) -> Option<Joints<N>> + Send + 'static,
+    ) -> Result<Self, DeviceError> {
+        if source.is_network() {
+            let source = std::io::Error::other(NETWORK_TIME_REFUSAL);
+            let what = "the simulated arm on its CAN bus";
+            return Err(DeviceError::Start { what, source });
+        }
         let pucks = SimulatedPucks::new(model.clone(), simulator);
         let pucks = PucksInTime::new(pucks, Box::new(surroundings));
         let pucks = Arc::new(Mutex::new(pucks));
