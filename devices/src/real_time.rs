@@ -199,4 +199,13 @@ mod tests {
             "SCHED_FIFO 40, processor 1, memory locked"
         );
     }
+
+    /// The kernel's interrupt threads have 50.
+    #[test]
+    fn control_has_priority_40_and_locked_memory_by_default() {
+        let default = RealTime::default();
+        let expected = "SCHED_FIFO 40, any processor, memory locked";
+        assert_eq!(default.to_string(), expected);
+        assert!(default.priority.is_some_and(|priority| priority < 50));
+    }
 }

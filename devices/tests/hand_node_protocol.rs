@@ -4,7 +4,7 @@
 use crate::hand_support;
 
 use std::error::Error;
-use std::io::{Read, Write};
+use std::io::{ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::sync::Arc;
 use std::thread;
@@ -166,7 +166,11 @@ fn a_driver_that_sends_more_than_three_requests_at_once_is_left() {
         if is_left {
             // The server stops the motion, and goes.
             let mut rest = Vec::new();
-            let _ = driver.read_to_end(&mut rest);
+            let end = driver.read_to_end(&mut rest).map_err(|error| error.kind());
+            assert!(
+                matches!(end, Ok(_) | Err(ErrorKind::ConnectionReset)),
+                "{end:?}"
+            );
             eventually("the end of the motion", || !stage.there.is_busy());
             stage.there.freeze(false);
         } else {
