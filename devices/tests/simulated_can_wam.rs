@@ -98,6 +98,31 @@ fn nothing_moves_before_somebody_has_confirmed_home_and_activated_the_arm() {
     assert!(error.to_string().contains("activate"), "{error}");
 }
 
+/// 48 V, of which pucks and safety module report whole volts.
+#[test]
+fn the_power_supply_is_a_variable_that_pucks_and_safety_module_measure() {
+    let arm = switched_on(true);
+    let variables = arm.remote_variables().unwrap();
+    let names = variables.variables().unwrap();
+    assert!(names.contains(&"supply_voltage".to_owned()), "{names:?}");
+    let told = |name: &str| variables.variable(name).unwrap();
+    assert_eq!(told("supply_voltage"), [VariableValue::Number(48.0)]);
+    set(&arm, "supply_voltage", VariableValue::Number(52.5)).unwrap();
+    assert_eq!(told("supply_voltage"), [VariableValue::Number(52.5)]);
+    // A busy machine may not answer in time.
+    let is = |name: &str, expected: &[VariableValue]| {
+        variables.variable(name).is_ok_and(|told| told == expected)
+    };
+    let volts = [(); 7].map(|()| VariableValue::Integer(52));
+    eventually("the voltage on the bus", || {
+        is("safety.VBUS", &volts[..1]) && is("puck.VBUS", &volts)
+    });
+    for wrong in [0.0, 101.0, f64::NAN] {
+        set(&arm, "supply_voltage", VariableValue::Number(wrong)).unwrap_err();
+    }
+    assert_eq!(told("supply_voltage"), [VariableValue::Number(52.5)]);
+}
+
 #[test]
 fn after_an_emergency_stop_the_position_is_lost_until_somebody_confirms_it() {
     let arm = switched_on(true);
@@ -117,6 +142,14 @@ fn after_an_emergency_stop_the_position_is_lost_until_somebody_confirms_it() {
     eventually("the arm is active", || is_active(&arm));
     let end = move_elbow(&arm, 170.0);
     assert!((end - 170.0).abs() < 1.5, "{end}");
+}
+
+/// Nobody has confirmed home, so that the driver is not connected and sees no active arm.
+#[test]
+fn an_arm_that_does_not_become_active_is_an_error() {
+    let arm = switched_on(false);
+    let error = arm.activate().expect_err("it is not active");
+    assert!(matches!(error, DeviceError::Start { .. }), "{error}");
 }
 
 #[test]

@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 use yarp_devices::kinematics::Joints;
 use yarp_devices::simulation::{
     Fault, JointCommand, JointControllers, SafetyLimits, SafetyMode, SimulatedArm, Simulator,
-    SimulatorOptions,
+    SimulatorOptions, VoltageLimits,
 };
 use yarp_devices::trajectory::JointLimits;
 use yarp_devices::wam::{OPTICAL_COUNTS, WamModel};
@@ -30,6 +30,7 @@ fn reckless() -> SimulatorOptions {
         velocity_fault: 0.0,
         torque_warning: 0.0,
         torque_fault: 0.0,
+        voltage: VoltageLimits::default(),
         heartbeat: 0.0,
     };
     SimulatorOptions {

@@ -7,6 +7,7 @@ use yarp_devices::dynamics::{Dynamics, MassMatrix};
 use yarp_devices::kinematics::Joints;
 use yarp_devices::simulation::{
     ArmEffects, CableElasticity, SafetyLimits, SimulatedArm, Simulator, SimulatorOptions,
+    VoltageLimits,
 };
 use yarp_devices::wam::{Friction, WamModel};
 
@@ -33,6 +34,7 @@ fn options(effects: ArmEffects) -> SimulatorOptions {
             velocity_fault: 0.0,
             torque_warning: 0.0,
             torque_fault: 0.0,
+            voltage: VoltageLimits::default(),
             heartbeat: 0.0,
         },
         effects,

@@ -28,6 +28,7 @@ holds! {
     a_silent_puck_has_the_arm_braked
     a_puck_that_restarts_has_lost_its_position
     the_safety_module_stops_a_push_and_says_why
+    a_wrong_supply_voltage_stops_the_arm_until_a_person_presses_the_pendant
     limits_reach_the_safety_module
     pucks_answer_callers
     the_software_brake_leaves_the_way_out_to_the_pendant

@@ -30,6 +30,8 @@ pub use controlled_arm::{MoveError, SimulatedArm};
 pub use joint_controllers::{JointCommand, JointControllers};
 pub use joint_pid::{Gains, Pid};
 pub use pucks::{SimulatedPucks, WakeUp, serve_pucks};
-pub use safety_module::{Fault, SafetyLimits, SafetyMode, SafetyModule};
+pub use safety_module::{
+    Fault, SafetyLimits, SafetyMode, SafetyModule, SafetyWarnings, VoltageLimits,
+};
 pub use simulator::{Simulator, SimulatorOptions};
 pub(crate) use thermal::{MAX_TEMPERATURE, REST_TEMPERATURE, SUPPLY_VOLTAGE};

@@ -1,6 +1,8 @@
-//! The safety module of the arm: the box with the pendant that watches speeds, torques and traffic.
+//! The safety module of the arm: the box with the pendant that watches speeds, torques, the supply voltage and traffic.
 
 use std::fmt;
+
+use super::thermal::SUPPLY_VOLTAGE;
 
 /// Mode of the arm.
 #[derive(Clone, Copy, Debug, Default, Eq, Ord, PartialEq, PartialOrd)]
@@ -33,6 +35,13 @@ pub enum Fault {
         /// In the motor's units.
         limit: f64,
     },
+    /// The supply voltage was too low or too high.
+    Voltage {
+        /// V.
+        volts: f64,
+        /// The limit that was passed, V.
+        limit: f64,
+    },
     /// No torques came for this long, s.
     Heartbeat {
         /// s.
@@ -61,6 +70,13 @@ impl fmt::Display for Fault {
                     "torque fault: motor {motor} asked for {units:.0} units, allowed {limit:.0}"
                 )
             }
+            Self::Voltage { volts, limit } => {
+                let least_or_most = if volts < limit { "least" } else { "most" };
+                write!(
+                    f,
+                    "voltage fault: {volts:.1} V, allowed at {least_or_most} {limit:.0} V"
+                )
+            }
             Self::Heartbeat { silence } => {
                 write!(f, "heartbeat fault: no torques for {silence:.2} s")
             }
@@ -85,8 +101,68 @@ pub struct SafetyLimits {
     pub torque_warning: f64,
     /// `TL2`, units of the motors' torque commands.
     pub torque_fault: f64,
+    /// Limits of the supply voltage. They are saved in the module, and the driver leaves them as they are.
+    pub voltage: VoltageLimits,
     /// Maximum interval without torques, s. Barrett does not publish its own.
     pub heartbeat: f64,
+}
+
+/// Supply voltages at which the module warns and at which it takes the arm out of active, V; 0 is never.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct VoltageLimits {
+    /// `VOLTL1`: warns below.
+    pub low_warning: f64,
+    /// `VOLTL2`: a fault below.
+    pub low_fault: f64,
+    /// `VOLTH1`: warns above.
+    pub high_warning: f64,
+    /// `VOLTH2`: a fault above.
+    pub high_fault: f64,
+}
+
+/// The values that Barrett saves in each module for a supply of 48 V (D1001 AH.00, 4.5.2 "Safety Board"; btutil's defaults of the
+/// safety module).
+impl Default for VoltageLimits {
+    fn default() -> Self {
+        Self {
+            low_warning: 36.0,
+            low_fault: 30.0,
+            high_warning: 54.0,
+            high_fault: 57.0,
+        }
+    }
+}
+
+impl VoltageLimits {
+    /// Returns whether a voltage, V, is beyond a level at which the module warns.
+    fn warns(&self, volts: f64) -> bool {
+        passed(volts, self.low_warning, self.high_warning).is_some()
+    }
+
+    /// Returns the limit that a voltage, V, has passed, if that is a fault.
+    fn fault(&self, volts: f64) -> Option<f64> {
+        passed(volts, self.low_fault, self.high_fault)
+    }
+}
+
+/// Returns the limit that a value has passed; a limit of 0 is none.
+fn passed(value: f64, low: f64, high: f64) -> Option<f64> {
+    if low > 0.0 && value < low {
+        Some(low)
+    } else {
+        (high > 0.0 && value > high).then_some(high)
+    }
+}
+
+/// Quantities that are beyond the level at which the module warns.
+#[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
+pub struct SafetyWarnings {
+    /// The speed of the arm.
+    pub velocity: bool,
+    /// The torque command of a motor.
+    pub torque: bool,
+    /// The supply voltage.
+    pub voltage: bool,
 }
 
 /// The defaults at power-up, after Barrett's wiki; the heartbeat is our choice.
@@ -97,6 +173,7 @@ impl Default for SafetyLimits {
             velocity_fault: 1.0,
             torque_warning: 4731.0,
             torque_fault: 5204.0,
+            voltage: VoltageLimits::default(),
             heartbeat: 0.5,
         }
     }
@@ -114,7 +191,9 @@ pub struct SafetyModule {
     limits: SafetyLimits,
     mode: SafetyMode,
     fault: Option<Fault>,
-    warning: bool,
+    warnings: SafetyWarnings,
+    /// Supply voltage, V.
+    volts: f64,
     silence: f64,
     since_velocity_fault: Option<f64>,
 }
@@ -126,7 +205,8 @@ impl SafetyModule {
             limits,
             mode: SafetyMode::Idle,
             fault: None,
-            warning: false,
+            warnings: SafetyWarnings::default(),
+            volts: f64::from(SUPPLY_VOLTAGE),
             silence: 0.0,
             since_velocity_fault: None,
         }
@@ -142,9 +222,29 @@ impl SafetyModule {
         self.fault
     }
 
-    /// Returns whether the last step was above a warning level.
+    /// Returns whether the last step was beyond a warning level.
     pub fn warns(&self) -> bool {
-        self.warning
+        self.warnings != SafetyWarnings::default()
+    }
+
+    /// Returns which quantities were beyond their warning levels in the last step.
+    pub fn warnings(&self) -> SafetyWarnings {
+        self.warnings
+    }
+
+    /// Returns the supply voltage that the module measures, V.
+    pub fn voltage(&self) -> f64 {
+        self.volts
+    }
+
+    /// Changes the supply voltage that the module measures, V: 48 V at first.
+    pub fn set_voltage(&mut self, volts: f64) {
+        self.volts = volts;
+    }
+
+    /// Returns whether the supply voltage is a fault now: in idle too, so that the pendant shows it before it is pressed.
+    pub fn is_voltage_faulty(&self) -> bool {
+        self.limits.voltage.fault(self.volts).is_some()
     }
 
     /// The limits in force.
@@ -199,8 +299,11 @@ impl SafetyModule {
             .map(|torque| torque.abs())
             .enumerate()
             .max_by(|(_, one), (_, other)| one.total_cmp(other));
-        self.warning = exceeds(speed, self.limits.velocity_warning)
-            || hardest.is_some_and(|(_, units)| exceeds(units, self.limits.torque_warning));
+        self.warnings = SafetyWarnings {
+            velocity: exceeds(speed, self.limits.velocity_warning),
+            torque: hardest.is_some_and(|(_, units)| exceeds(units, self.limits.torque_warning)),
+            voltage: self.limits.voltage.warns(self.volts),
+        };
         self.silence = match torques {
             Some(_) => 0.0,
             None => self.silence + seconds,
@@ -231,6 +334,9 @@ impl SafetyModule {
                 units,
                 limit,
             });
+        } else if let Some(limit) = self.limits.voltage.fault(self.volts) {
+            let volts = self.volts;
+            self.trip(Fault::Voltage { volts, limit });
         } else if exceeds(self.silence, self.limits.heartbeat) {
             let silence = self.silence;
             self.trip(Fault::Heartbeat { silence });
@@ -301,6 +407,64 @@ mod tests {
         });
         module.watch(99.0, Some(&[]), 0.002);
         assert_eq!((module.mode(), module.warns()), (SafetyMode::Active, false));
+    }
+
+    /// D1001 AH.00, 4.5.2: warnings below 36 V and above 54 V, faults below 30 V and above 57 V.
+    #[test]
+    fn a_voltage_beyond_the_limits_of_the_manual_warns_and_then_trips() {
+        let voltage = |volts: f64, limit: f64| Some(Fault::Voltage { volts, limit });
+        for (volts, warns, fault) in [
+            (48.0, false, None),
+            (36.5, false, None),
+            (35.5, true, None),
+            (30.5, true, None),
+            (29.5, true, voltage(29.5, 30.0)),
+            (53.5, false, None),
+            (54.5, true, None),
+            (56.5, true, None),
+            (57.5, true, voltage(57.5, 57.0)),
+        ] {
+            let mut module = active();
+            module.set_voltage(volts);
+            module.watch(0.0, Some(&[0.0]), 0.002);
+            assert_eq!(module.warnings().voltage, warns, "{volts} V");
+            assert_eq!(module.fault(), fault, "{volts} V");
+            assert_eq!(module.mode() == SafetyMode::Active, fault.is_none());
+            assert_eq!(module.is_voltage_faulty(), fault.is_some());
+            // Pressed again, it trips again: the supply has to be repaired first.
+            module.press_idle();
+            module.press_activate();
+            module.watch(0.0, Some(&[0.0]), 0.002);
+            assert_eq!(module.fault(), fault, "{volts} V");
+        }
+        let told =
+            [(29.5, 30.0), (57.5, 57.0)].map(|(volts, limit)| Fault::Voltage { volts, limit });
+        assert_eq!(
+            told.map(|fault| fault.to_string()),
+            [
+                "voltage fault: 29.5 V, allowed at least 30 V",
+                "voltage fault: 57.5 V, allowed at most 57 V"
+            ]
+        );
+    }
+
+    #[test]
+    fn a_limit_of_the_voltage_of_zero_is_none() {
+        for volts in [1.0, 1000.0] {
+            let mut module = active();
+            module.set_limits(SafetyLimits {
+                voltage: VoltageLimits {
+                    low_warning: 0.0,
+                    low_fault: 0.0,
+                    high_warning: 0.0,
+                    high_fault: 0.0,
+                },
+                ..SafetyLimits::default()
+            });
+            module.set_voltage(volts);
+            module.watch(0.0, Some(&[]), 0.002);
+            assert_eq!((module.mode(), module.warns()), (SafetyMode::Active, false));
+        }
     }
 
     #[test]

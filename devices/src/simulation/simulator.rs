@@ -9,7 +9,7 @@ use super::command_delay::CommandDelay;
 use super::elastic_cables::ElasticCables;
 use super::motor_windings::MotorWindings;
 use super::safety_module::SafetyMode;
-use super::thermal::ThermalModel;
+use super::thermal::{SUPPLY_VOLTAGE, ThermalModel};
 use super::{ArmEffects, SafetyLimits, SafetyModule};
 use crate::Limits;
 use crate::dynamics::{Body, Dynamics};
@@ -202,6 +202,7 @@ impl<const N: usize> Simulator<N> {
     fn pass(&mut self, commanded: bool) -> [i32; N] {
         let seconds = self.options.period.as_secs_f64();
         let came = commanded.then_some(self.commands.as_slice());
+        self.safety.set_voltage(self.supply_voltage());
         self.safety.watch(self.speed(), came, seconds);
         if commanded {
             let delay = self.latency();
@@ -352,6 +353,22 @@ impl<const N: usize> Simulator<N> {
     /// The safety module, to press its buttons.
     pub fn safety_mut(&mut self) -> &mut SafetyModule {
         &mut self.safety
+    }
+
+    /// Returns the supply voltage, V: 48 V where the effects have no limit.
+    pub fn supply_voltage(&self) -> f64 {
+        match self.options.effects.supply_voltage {
+            volts if volts > 0.0 => volts,
+            _ => f64::from(SUPPLY_VOLTAGE),
+        }
+    }
+
+    /// Changes the supply voltage, V, as a weak or a wrong supply does: the safety module judges it, and it limits the currents of motors
+    /// that have windings. Ignores a voltage that is not more than 0.
+    pub fn set_supply_voltage(&mut self, volts: f64) {
+        if volts > 0.0 && volts.is_finite() {
+            self.options.effects.supply_voltage = volts;
+        }
     }
 
     /// Shorts the windings of a joint's motors, or ends that: `MODE` 0 or 2 of its pucks.

@@ -8,9 +8,7 @@ use super::arm_device::{ArmDevice, ControlledArm, count_word};
 use super::{AXES, ArmControl, WamModel, dynamic_variables};
 use crate::can::puck::PuckProperty;
 use crate::kinematics::Joints;
-use crate::simulation::{
-    MAX_TEMPERATURE, SUPPLY_VOLTAGE, SafetyMode, SafetyModule, Simulator, SimulatorOptions,
-};
+use crate::simulation::{MAX_TEMPERATURE, SafetyMode, SafetyModule, Simulator, SimulatorOptions};
 use crate::{Axes, AxisIndex, DeviceError, Mode, VariableValue};
 
 /// The arm with `N` joints, with masses, friction, encoders and a PID per joint, in **degrees**, as pure model.
@@ -173,13 +171,13 @@ impl<const N: usize> ControlledArm<N> for DynamicArm<N> {
     }
 
     fn puck_property(
-        _: &ArmDevice<Self, N>,
+        device: &ArmDevice<Self, N>,
         _: AxisIndex,
         property: PuckProperty,
     ) -> Result<i32, DeviceError> {
         match property {
             PuckProperty::OTEMP => Ok(MAX_TEMPERATURE),
-            PuckProperty::VBUS => Ok(SUPPLY_VOLTAGE),
+            PuckProperty::VBUS => Ok(device.with(|arm| arm.simulator.supply_voltage()) as i32),
             _ => no_pucks("what only a puck can tell"),
         }
     }

@@ -5,6 +5,8 @@ use std::fmt;
 
 /// The lamps, in the order of their bits.
 const NAMES: [&str; 5] = ["velocity", "torque", "voltage", "heartbeat", "other"];
+/// The lamp of the supply voltage.
+const VOLTAGE: usize = 2;
 /// The lamp of a module that is in emergency stop.
 const OTHER: usize = 4;
 
@@ -55,6 +57,11 @@ impl Pendant {
         }
     }
 
+    /// Returns the lamp of the supply voltage.
+    pub fn voltage(self) -> Lamp {
+        self.lamps[VOLTAGE]
+    }
+
     /// The lower 15 bits of the property.
     pub fn bits(self) -> i32 {
         let lamps = self.lamps.iter().enumerate();
@@ -62,7 +69,7 @@ impl Pendant {
     }
 }
 
-/// The faults, in words.
+/// The faults and the warnings, in words.
 impl fmt::Display for Pendant {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut between = "";
@@ -79,6 +86,11 @@ impl fmt::Display for Pendant {
         }
         if between.is_empty() {
             write!(f, "no fault")?;
+        }
+        for (name, lamp) in NAMES.iter().zip(self.lamps) {
+            if lamp == Lamp::Warning {
+                write!(f, ", warning of {name}")?;
+            }
         }
         Ok(())
     }
@@ -104,5 +116,9 @@ mod tests {
         assert_eq!(Pendant::of_bits(pendant.bits()), pendant);
         assert_eq!(pendant.to_string(), "velocity, emergency stop");
         assert_eq!(Pendant::of_bits(0).lamps, [Lamp::Fault; 5]);
+        pendant.lamps = [Lamp::Safe; 5];
+        pendant.lamps[2] = Lamp::Warning;
+        assert_eq!(pendant.to_string(), "no fault, warning of voltage");
+        assert_eq!(pendant.voltage(), Lamp::Warning);
     }
 }

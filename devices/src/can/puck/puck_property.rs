@@ -57,6 +57,14 @@ impl PuckProperty {
     pub const TL1: Self = Self(47);
     /// Safety module: torque that is a fault.
     pub const TL2: Self = Self(48);
+    /// Safety module: supply voltage below which it warns, V.
+    pub const VOLTL1: Self = Self(49);
+    /// Safety module: supply voltage below which there is a fault, V.
+    pub const VOLTL2: Self = Self(50);
+    /// Safety module: supply voltage above which it warns, V.
+    pub const VOLTH1: Self = Self(51);
+    /// Safety module: supply voltage above which there is a fault, V.
+    pub const VOLTH2: Self = Self(52);
     /// Safety module: how many velocity faults to ignore.
     pub const IFAULT: Self = Self(55);
 

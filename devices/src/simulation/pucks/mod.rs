@@ -221,8 +221,10 @@ impl<const N: usize> SimulatedPucks<N> {
         let commanded = std::mem::take(&mut self.commanded);
         self.simulator.step_units(commanded.then_some(&units));
         let temperatures = self.simulator.temperatures();
+        let volts = self.simulator.supply_voltage();
         for (puck, temperature) in self.motors.iter_mut().zip(temperatures) {
             puck.set_temperature(temperature);
+            puck.set_voltage(volts);
         }
     }
 

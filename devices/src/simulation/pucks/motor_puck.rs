@@ -161,6 +161,11 @@ impl MotorPuck {
         self.temperature = temperature as i32;
     }
 
+    /// Tells it the voltage that feeds it, V.
+    pub(super) fn set_voltage(&mut self, volts: f64) {
+        self.values[usize::from(PuckProperty::VBUS.number())] = Some(volts as i32);
+    }
+
     /// Gives it a temperature of its own, °C, or that of its motor.
     pub(super) fn force_temperature(&mut self, temperature: Option<i32>) {
         self.forced_temperature = temperature;

@@ -2,7 +2,7 @@
 
 use super::puck_start::{PuckStart, WakeUp};
 use crate::can::puck::{Lamp, Pendant, PuckMessage, PuckProperty, mode, role};
-use crate::simulation::{Fault, SafetyLimits, SafetyMode, SafetyModule};
+use crate::simulation::{Fault, SafetyLimits, SafetyMode, SafetyModule, VoltageLimits};
 
 /// Version of its firmware: any above 61 has today's property list.
 const VERSION: i32 = 200;
@@ -82,6 +82,11 @@ impl SafetyPuck {
             PuckProperty::VL2 => (limits.velocity_fault * VELOCITY_UNITS) as i32,
             PuckProperty::TL1 => limits.torque_warning as i32,
             PuckProperty::TL2 => limits.torque_fault as i32,
+            PuckProperty::VBUS => module.voltage() as i32,
+            PuckProperty::VOLTL1 => limits.voltage.low_warning as i32,
+            PuckProperty::VOLTL2 => limits.voltage.low_fault as i32,
+            PuckProperty::VOLTH1 => limits.voltage.high_warning as i32,
+            PuckProperty::VOLTH2 => limits.voltage.high_fault as i32,
             PuckProperty::IFAULT => self.faults_to_ignore,
             _ => return None,
         })
@@ -117,16 +122,49 @@ impl SafetyPuck {
                 torque_fault: units,
                 ..limits
             }),
+            PuckProperty::VOLTL1
+            | PuckProperty::VOLTL2
+            | PuckProperty::VOLTH1
+            | PuckProperty::VOLTH2 => module.set_limits(SafetyLimits {
+                voltage: with_voltage(limits.voltage, property, units),
+                ..limits
+            }),
             _ => {}
         }
     }
 }
 
+/// Returns the limits with one of them changed to `volts`.
+fn with_voltage(limits: VoltageLimits, property: PuckProperty, volts: f64) -> VoltageLimits {
+    let mut changed = limits;
+    match property {
+        PuckProperty::VOLTL1 => changed.low_warning = volts,
+        PuckProperty::VOLTL2 => changed.low_fault = volts,
+        PuckProperty::VOLTH1 => changed.high_warning = volts,
+        PuckProperty::VOLTH2 => changed.high_fault = volts,
+        _ => {}
+    }
+    changed
+}
+
+/// Returns the lamps: a warning while a quantity is beyond its level, a fault until a button is pressed, and that of the voltage as
+/// long as the voltage is one, too.
 fn pendant(module: &SafetyModule) -> Pendant {
+    let warnings = module.warnings();
+    let quantities = [warnings.velocity, warnings.torque, warnings.voltage];
     let mut lamps = [Lamp::Safe; 5];
+    for (lamp, warns) in lamps.iter_mut().zip(quantities) {
+        if warns {
+            *lamp = Lamp::Warning;
+        }
+    }
+    if module.is_voltage_faulty() {
+        lamps[2] = Lamp::Fault;
+    }
     match module.fault() {
         Some(Fault::Velocity { .. } | Fault::Runaway { .. }) => lamps[0] = Lamp::Fault,
         Some(Fault::Torque { .. }) => lamps[1] = Lamp::Fault,
+        Some(Fault::Voltage { .. }) => lamps[2] = Lamp::Fault,
         Some(Fault::Heartbeat { .. }) => lamps[3] = Lamp::Fault,
         None => {}
     }
@@ -155,5 +193,51 @@ mod tests {
         puck.see_position_written(&mut module);
         assert_eq!(module.mode(), SafetyMode::Idle);
         assert!(matches!(module.fault(), Some(Fault::Velocity { .. })));
+    }
+
+    /// D1001 AH.00, 4.5.2, asks the module for them after they were set.
+    #[test]
+    fn limits_of_the_voltage_are_read_and_set_one_by_one() {
+        let mut puck = SafetyPuck::switched_on(WakeUp::default());
+        puck.start_mut().advance(std::time::Duration::from_secs(3));
+        let mut module = SafetyModule::new(SafetyLimits::default());
+        let numbers = [49, 50, 51, 52].map(PuckProperty::new);
+        for (property, volts) in numbers.into_iter().zip([36, 30, 54, 57]) {
+            assert_eq!(puck.value(property, &module), Some(volts), "{property}");
+        }
+        for (property, volts) in numbers.into_iter().zip([20, 18, 80, 90]) {
+            puck.set(property, volts, &mut module);
+        }
+        for (property, volts) in numbers.into_iter().zip([20, 18, 80, 90]) {
+            assert_eq!(puck.value(property, &module), Some(volts), "{property}");
+        }
+    }
+
+    /// The groups of bits of the wiki: velocity, torque, voltage, heartbeat, other.
+    #[test]
+    fn each_warning_has_its_lamp() {
+        let mut module = SafetyModule::new(SafetyLimits::default());
+        let lamps = |module: &SafetyModule| pendant(module).lamps;
+        module.watch(0.6, None, 0.0);
+        let [yellow, green, red] = [Lamp::Warning, Lamp::Safe, Lamp::Fault];
+        assert_eq!(lamps(&module), [yellow, green, green, green, green]);
+        module.watch(0.0, Some(&[5000.0]), 0.0);
+        assert_eq!(lamps(&module), [green, yellow, green, green, green]);
+        module.set_voltage(33.0);
+        module.watch(0.0, None, 0.0);
+        assert_eq!(lamps(&module), [green, green, yellow, green, green]);
+        // In idle a voltage that is a fault is shown, and trips nothing.
+        module.set_voltage(20.0);
+        module.watch(0.0, None, 0.0);
+        assert_eq!(lamps(&module), [green, green, red, green, green]);
+        assert_eq!(module.fault(), None);
+        // A fault is shown until a button is pressed, though the voltage has returned.
+        module.press_activate();
+        module.watch(0.0, Some(&[]), 0.0);
+        module.set_voltage(48.0);
+        module.watch(0.0, None, 0.0);
+        assert_eq!(lamps(&module), [green, green, red, green, green]);
+        module.press_idle();
+        assert_eq!(lamps(&module), [green; 5]);
     }
 }

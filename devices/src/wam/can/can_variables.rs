@@ -34,7 +34,7 @@ const MOTOR: [(&str, PuckProperty); 12] = [
     ("puck.IPNM", PuckProperty::IPNM),
 ];
 /// Of the safety module.
-const SAFETY: [(&str, PuckProperty); 8] = [
+const SAFETY: [(&str, PuckProperty); 13] = [
     ("safety.VERS", PuckProperty::VERS),
     ("safety.STAT", PuckProperty::STAT),
     ("safety.MODE", PuckProperty::MODE),
@@ -43,6 +43,11 @@ const SAFETY: [(&str, PuckProperty); 8] = [
     ("safety.VL2", PuckProperty::VL2),
     ("safety.TL1", PuckProperty::TL1),
     ("safety.TL2", PuckProperty::TL2),
+    ("safety.VBUS", PuckProperty::VBUS),
+    ("safety.VOLTL1", PuckProperty::VOLTL1),
+    ("safety.VOLTL2", PuckProperty::VOLTL2),
+    ("safety.VOLTH1", PuckProperty::VOLTH1),
+    ("safety.VOLTH2", PuckProperty::VOLTH2),
 ];
 
 pub(super) fn names() -> impl Iterator<Item = String> {

@@ -15,7 +15,7 @@ use super::{
     CanError, CanErrorKind, CanOptions, PositionRecord, can_variables, position_file,
     property_request,
 };
-use crate::can::puck::{Node, Pendant, PuckProperty};
+use crate::can::puck::{Lamp, Node, Pendant, PuckProperty};
 use crate::can::{BusError, CanBus};
 use crate::periodic_timer::{DelayHistogram, MissedCycles, PeriodicTimer};
 use crate::simulation::SafetyMode;
@@ -166,6 +166,15 @@ impl<const N: usize> fmt::Display for CanStatus<N> {
                 }
                 if let Some(reason) = &self.held {
                     write!(f, "; {reason}")?;
+                }
+                if self
+                    .pendant
+                    .is_some_and(|pendant| pendant.voltage() == Lamp::Fault)
+                {
+                    write!(
+                        f,
+                        "; check the power supply of the arm first: variable safety.VBUS is its voltage, safety.VOLTL2 and safety.VOLTH2 are the limits, in V"
+                    )?;
                 }
                 write!(
                     f,

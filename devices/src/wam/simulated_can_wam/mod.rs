@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 use in_process_bus::{InProcessBus, PucksInTime};
 pub use pendant_button::PendantButton;
 
+use super::arm_variables::numbers;
 use super::can::{CanOptions, CanWam};
 use super::{AXES, WamModel};
 use crate::can::CanBus;
@@ -20,6 +21,10 @@ use crate::{AxisIndex, AxisInfo, Device, DeviceError, JointType, RemoteVariables
 
 /// Variable with the mode of the safety module; setting it presses a button of the pendant.
 const PENDANT: &str = "pendant";
+/// Variable with the supply voltage of the arm, V.
+const SUPPLY_VOLTAGE: &str = "supply_voltage";
+/// Supply voltages that can be set, V.
+const SUPPLY_VOLTAGES: (f64, f64) = (1.0, 100.0);
 /// Variable of the driver by which somebody confirms that the arm is folded at home.
 const CONFIRM_HOME: &str = "confirm_home";
 
@@ -42,7 +47,8 @@ const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// * The bus is in this process, and time at its other end passes in whole control periods with the queries of the driver. A driver that is
 ///   interrupted leaves the arm without commands for as long.
 /// * Who confirms that the arm is folded folds it, and holds it so until the driver knows, unless it is active.
-/// * The variable `pendant` presses the buttons: [`PendantButton`] lists the words.
+/// * The variable `pendant` presses the buttons: [`PendantButton`] lists the words. `supply_voltage`, 1 to 100 V, is what the power
+///   supply gives: the safety module trips when it is too low or too high ([`VoltageLimits`](crate::simulation::VoltageLimits)).
 /// * It runs in the time of this machine, as the driver of a real arm does, and does not start in a process that follows a clock on the
 ///   network.
 ///
@@ -233,11 +239,15 @@ impl<const N: usize> AxisInfo for SimulatedCanWam<N> {
 impl<const N: usize> RemoteVariables for SimulatedCanWam<N> {
     fn variables(&self) -> Result<Vec<String>, DeviceError> {
         let mut names = self.arm.variables()?;
-        names.push(PENDANT.to_owned());
+        names.extend([PENDANT, SUPPLY_VOLTAGE].map(str::to_owned));
         Ok(names)
     }
 
     fn variable(&self, name: &str) -> Result<Vec<VariableValue>, DeviceError> {
+        if name == SUPPLY_VOLTAGE {
+            let volts = self.with_pucks(|pucks| pucks.simulator().supply_voltage());
+            return Ok(vec![VariableValue::Number(volts)]);
+        }
         if name != PENDANT {
             return self.arm.variable(name);
         }
@@ -260,6 +270,11 @@ impl<const N: usize> RemoteVariables for SimulatedCanWam<N> {
                     pucks.simulator_mut().place(&home);
                 }
             });
+        }
+        if name == SUPPLY_VOLTAGE {
+            let [volts] = numbers(SUPPLY_VOLTAGE, value, [SUPPLY_VOLTAGES])?;
+            self.with_pucks(|pucks| pucks.simulator_mut().set_supply_voltage(volts));
+            return Ok(());
         }
         if name != PENDANT {
             return self.arm.set_variable(name, value);

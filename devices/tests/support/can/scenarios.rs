@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use yarp_devices::can::puck::{Address, Group, Node, PuckMessage, PuckProperty, status};
 use yarp_devices::guard::{Guarded, GuardedOptions};
-use yarp_devices::simulation::{SafetyLimits, SafetyMode};
+use yarp_devices::simulation::{Fault, SafetyLimits, SafetyMode};
 use yarp_devices::wam::WamModel;
 use yarp_devices::wam::can::{CanOptions, CanWam};
 use yarp_devices::{
@@ -20,7 +20,7 @@ const ELBOW: Axes<'static> = Axes::One(AxisIndex::new(3));
 const FOLDED: f64 = 179.3;
 
 /// The name of each, and what it does.
-pub const ALL: [Scenario; 13] = [
+pub const ALL: [Scenario; 14] = [
     ("an_arm_is_found_and_moves", an_arm_is_found_and_moves),
     (
         "a_puck_that_falls_silent_is_named_in_every_phase",
@@ -49,6 +49,10 @@ pub const ALL: [Scenario; 13] = [
     (
         "the_safety_module_stops_a_push_and_says_why",
         the_safety_module_stops_a_push_and_says_why,
+    ),
+    (
+        "a_wrong_supply_voltage_stops_the_arm_until_a_person_presses_the_pendant",
+        a_wrong_supply_voltage_stops_the_arm_until_a_person_presses_the_pendant,
     ),
     (
         "limits_reach_the_safety_module",
@@ -359,6 +363,60 @@ pub fn the_safety_module_stops_a_push_and_says_why(rig: &dyn Rig) {
     rig.pucks().lock().press_idle();
     let refused = arm.position_move(ELBOW, &[90.0]).unwrap_err().to_string();
     assert!(refused.contains("confirm_home"), "{refused}");
+}
+
+/// D1001 AH.00, 4.5.2: the module warns below 36 V and above 54 V, and there is a fault below 30 V and above 57 V.
+pub fn a_wrong_supply_voltage_stops_the_arm_until_a_person_presses_the_pendant(rig: &dyn Rig) {
+    let arm = active(rig);
+    let supply = |volts: i32| {
+        let mut pucks = rig.pucks().lock();
+        pucks.simulator_mut().set_supply_voltage(volts.into());
+        drop(pucks);
+        until("the voltage on the bus", || {
+            let told = arm.variable("safety.VBUS");
+            told.is_ok_and(|told| told == [VariableValue::Integer(volts.into())])
+        });
+    };
+    let module = || rig.pucks().lock().simulator().safety().clone();
+    let fault = || arm.last_fault(0.into()).unwrap().message;
+    for (name, volts) in [
+        ("safety.VOLTL1", 36),
+        ("safety.VOLTL2", 30),
+        ("safety.VOLTH1", 54),
+        ("safety.VOLTH2", 57),
+    ] {
+        let told = arm.variable(name).expect("it answers");
+        assert_eq!(told, [VariableValue::Integer(volts)], "{name}");
+    }
+    for (warning, wrong, elbow) in [(31, 29, 160.0), (56, 58, 150.0)] {
+        supply(warning);
+        assert_eq!(module().mode(), SafetyMode::Active, "{warning} V");
+        assert!(module().warnings().voltage, "{warning} V");
+        supply(wrong);
+        until("a voltage fault", || fault().contains("idle (voltage)"));
+        let told = fault();
+        assert!(told.contains("power supply"), "{told}");
+        assert!(told.contains("Shift and Activate"), "{told}");
+        assert_eq!(modes(&arm), [Mode::HardwareFault; 7]);
+        arm.position_move(ELBOW, &[90.0]).unwrap_err();
+        // Pressed before the supply is repaired, the module trips again.
+        rig.pucks().lock().press_idle();
+        rig.pucks().lock().press_activate();
+        until("the next fault", || {
+            module().mode() == SafetyMode::Idle
+                && matches!(module().fault(), Some(Fault::Voltage { .. }))
+        });
+        // Repaired, the arm stays idle until the pendant is pressed.
+        supply(48);
+        let periods = arm.status().periods;
+        until("some periods", || arm.status().periods > periods + 50);
+        assert_eq!(module().mode(), SafetyMode::Idle);
+        assert_eq!(modes(&arm), [Mode::HardwareFault; 7]);
+        assert!(fault().contains("idle (voltage)"), "{}", fault());
+        activate(rig, &arm);
+        move_elbow(rig, &arm, elbow);
+    }
+    assert!(arm.status().position_lost.is_none() && arm.status().loss.is_none());
 }
 
 pub fn limits_reach_the_safety_module(rig: &dyn Rig) {
