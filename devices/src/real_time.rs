@@ -158,9 +158,11 @@ mod tests {
 
     #[test]
     fn what_is_reported_is_what_the_thread_has() {
+        let permitted = rustix::thread::sched_getaffinity(None).expect("it is readable");
+        let last = (0..CpuSet::MAX_CPU).rfind(|processor| permitted.is_set(*processor));
         let asked = RealTime {
             priority: Some(3),
-            processor: Some(0),
+            processor: last,
             lock_memory: false,
         };
         let applied = asked.apply();
@@ -171,6 +173,12 @@ mod tests {
             _ => assert_eq!((policy, priority), (libc::SCHED_OTHER, 0)),
         }
         assert_eq!(applied.processor.map(|_| 1), Some(processors));
+        for _ in 0..100 {
+            // SAFETY: takes nothing, and returns a number.
+            let running_on = unsafe { libc::sched_getcpu() };
+            assert_eq!(usize::try_from(running_on).ok(), last);
+            std::thread::yield_now();
+        }
         let child = std::thread::spawn(schedule).join().expect("it ends");
         assert_eq!(child.0, libc::SCHED_OTHER);
     }
