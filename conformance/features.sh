@@ -13,13 +13,13 @@ SETS='
 yarp-wire           -
 yarp-ports          - jpeg shmem zlib tls jpeg,shmem,tls,zlib latency-ablation
 yarp-nameserver     - sqlite
-yarp-devices        - image-files barrett v4l2
+yarp-devices        - image-files barrett v4l2 dc1394
 yarp-wrappers       -
-yarp-hosting        - v4l2
+yarp-hosting        - v4l2 dc1394
 yarp-client-derive  -
 yarp-client         - jpeg shmem zlib tls barrett
 yarp-planning       -
-yarp-cli            - table v4l2
+yarp-cli            - table v4l2 dc1394
 '
 
 failed=0

@@ -7,7 +7,7 @@
 # first process runs. The kernel hands parameters that it does not know to that process, as variables.
 #
 # KERNEL is Debian's package of the kernel, CACHE where it is kept unpacked, DEADLINE the seconds until the machine counts as
-# hung, CLOCK the option of QEMU for its clock: by default it counts instructions, so that a busy host makes the
+# hung, LIBRARIES the files of libraries that the program loads by itself, CLOCK the option of QEMU for its clock: by default it counts instructions, so that a busy host makes the
 # machine slow but never late. The last line of its console is the verdict, and `$CONSOLE` has all of them.
 set -euo pipefail
 here="$(cd "$(dirname "$0")" && pwd)"
@@ -46,7 +46,11 @@ for command in sh ip; do ln -s busybox "$disk/bin/$command"; done
 cp "$program" "$disk/bin/$example"
 cp "$folder/modules" "$disk/modules/order"
 while read -r module _; do cp "$CACHE/$module.ko" "$disk/modules/"; done <"$folder/modules"
-ldd "$program" | grep -o '/[^ ]*' | while read -r library; do
+for file in ${LIBRARIES:-}; do
+    mkdir -p "$disk$(dirname "$file")"
+    cp -L "$file" "$disk$file"
+done
+for file in "$program" ${LIBRARIES:-}; do ldd "$file"; done | grep -o '/[^ ]*' | while read -r library; do
     mkdir -p "$disk$(dirname "$library")"
     cp -L "$library" "$disk$library"
 done

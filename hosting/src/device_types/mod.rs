@@ -12,7 +12,11 @@ mod board_remapper;
 mod board_server;
 mod calibrator;
 mod camera_devices;
+#[cfg(all(any(feature = "dc1394", feature = "v4l2"), target_os = "linux"))]
+mod camera_parameters;
 mod cartesian_devices;
+#[cfg(all(feature = "dc1394", target_os = "linux"))]
+mod dragonfly2;
 mod fake_media;
 mod fake_motion_control;
 mod fake_sensors;
@@ -150,6 +154,8 @@ pub const DEVICE_TYPES: &[DeviceType] = &[
     device_type("cartesiancontrollerclient", &[], "a tool controlled by another program; remote, local, carrier, timeout", None, |opening| Box::pin(cartesian_devices::remote(opening))),
     device_type("cartesiancontrollerserver", &[], "serves the tool of a WAM on ports; GENERAL::ControllerName, GENERAL::ControllerPeriod in milliseconds", None, |opening| Box::pin(cartesian_devices::server(opening))),
     device_type("controlboardremapper", &["controlBoardRemapper"], "several devices as one board, or a part of one; axesNames, or joints, networks and a row of four numbers for each", Some(SERVER), |opening| Box::pin(board_remapper::open(opening))),
+    #[cfg(all(feature = "dc1394", target_os = "linux"))]
+    device_type("dragonfly2", &[], "an IIDC camera on IEEE 1394 or USB (libdc1394); guid or d, video_type or video_mode and coding, width, height, xoff, yoff, framerate, features", Some(CAMERA_SERVER), |opening| Box::pin(dragonfly2::open(opening))),
     device_type("dynamicWam", &[], "a simulated WAM arm with masses, friction and control; effects and others", Some(SERVER), |opening| Box::pin(arms::dynamic(opening))),
     device_type("embeddedWam", &[], "a WAM arm behind its embedded PC, which runs yarp wam-node; listen or connect, ports", Some(SERVER), |opening| Box::pin(arms::embedded(opening))),
     device_type("fakeAudioVisualGrabber", &[], "a simulated camera with a microphone that hears a tone; the parameters of fakeFrameGrabber", Some("grabber"), |opening| Box::pin(fake_media::camera_with_microphone(opening))),

@@ -3,9 +3,9 @@
 //! Parameters are those of stock's `usbCamera`; `format` is ours. Source: `V4L_camera.cpp` of YARP 3.5.
 
 use yarp_devices::camera::{Encoding, V4l2Camera, V4l2Options};
-use yarp_devices::{Feature, Intrinsics};
 use yarp_wire::settings::Parameters;
 
+use super::camera_parameters::{features, field_of_view, lens, white_balance};
 use super::local_device::{self, LocalDevice};
 use super::{OpenResult, Opening};
 use crate::HostError;
@@ -15,21 +15,6 @@ use crate::shared_parameters::flag;
 const IGNORED_PARAMETERS: [&str; 3] = ["pixelType", "dual", "verbose"];
 /// Model of cameras that need no conversion of their own.
 const DEFAULT_MODEL: &str = "default";
-/// Group with the distortion of the lens.
-const DISTORTION: &str = "cameraDistortionModelGroup";
-/// Features that can be set at the start.
-const FEATURES: [(&str, Feature); 9] = [
-    ("gain", Feature::Gain),
-    ("exposure", Feature::Exposure),
-    ("brightness", Feature::Brightness),
-    ("sharpness", Feature::Sharpness),
-    ("hue", Feature::Hue),
-    ("saturation", Feature::Saturation),
-    ("gamma", Feature::Gamma),
-    ("shutter", Feature::Shutter),
-    ("iris", Feature::Iris),
-];
-
 pub(super) async fn open(opening: Opening<'_>) -> OpenResult {
     let parameters = opening.parameters;
     let options = options(parameters)?;
@@ -67,65 +52,24 @@ fn options(parameters: &Parameters) -> Result<V4l2Options, HostError> {
         options = options.encoding(Encoding::from_fourcc(&format).ok_or_else(refused)?);
     }
     options = options.mirrored(flag(parameters, "flip")? || flag(parameters, "mirror")?);
-    let across = parameters.get::<f64>("horizontalFov")?;
-    let down = parameters.get::<f64>("verticalFov")?;
-    if let Some((across, down)) = across.zip(down) {
+    if let Some((across, down)) = field_of_view(parameters)? {
         options = options.field_of_view(across, down);
     }
     if let Some(lens) = lens(parameters)? {
         options = options.intrinsics(lens);
     }
-    for (name, feature) in FEATURES {
-        if let Some(value) = parameters.get::<f64>(name)? {
-            options = options.feature(feature, value);
-        }
+    for (feature, value) in features(parameters)? {
+        options = options.feature(feature, value);
     }
-    if let Some(values) = parameters.list::<f64>("white_balance")? {
-        let [blue, red] = values[..] else {
-            return Err(parameters
-                .refuse("white_balance", "blue and red, 0 to 1")
-                .into());
-        };
+    if let Some((blue, red)) = white_balance(parameters, "blue and red, 0 to 1")? {
         options = options.white_balance(blue, red);
     }
     Ok(options)
 }
 
-/// Returns the description of the lens, if there is any.
-fn lens(parameters: &Parameters) -> Result<Option<Intrinsics>, HostError> {
-    let of_group = |name: &str| format!("{DISTORTION}::{name}");
-    let names = [
-        "focalLengthX",
-        "focalLengthY",
-        "principalPointX",
-        "principalPointY",
-    ];
-    let has = |name: &str| parameters.has(name);
-    let given = names.iter().any(|name| has(name));
-    if !given && !has("rectificationMatrix") && !has(&of_group("name")) {
-        return Ok(None);
-    }
-    let number = |name: &str| parameters.get_or(name, 0.0);
-    let in_group = |name: &str| number(&of_group(name));
-    let mut lens = Intrinsics {
-        focal_length: (number(names[0])?, number(names[1])?),
-        principal_point: (number(names[2])?, number(names[3])?),
-        distortion_model: parameters.get_or(&of_group("name"), "none".to_owned())?,
-        radial: [in_group("k1")?, in_group("k2")?, in_group("k3")?],
-        tangential: [in_group("t1")?, in_group("t2")?],
-        ..Intrinsics::default()
-    };
-    if let Some(matrix) = parameters.list::<f64>("rectificationMatrix")? {
-        let refused = |_| parameters.refuse("rectificationMatrix", "nine numbers");
-        lens.rectification = matrix.try_into().map_err(refused)?;
-    }
-    // Stock names the group here.
-    parameters.has("distortionModel");
-    Ok(Some(lens))
-}
-
 #[cfg(test)]
 mod tests {
+    use yarp_devices::{Feature, Intrinsics};
     use yarp_wire::settings::{NoSource, Origin, Settings};
 
     use super::*;

@@ -3,13 +3,8 @@
 use std::borrow::Cow;
 use std::fmt;
 
+use crate::camera::hardware::{MAX_BUFFER_BYTES, MAX_PIXELS};
 use crate::image::{Image, MAX_IMAGE_SIDE, PixelFormat, image_file};
-
-/// Maximum number of pixels of an image, which holds 8K video (7680 x 4320).
-const MAX_PIXELS: usize = 1 << 25;
-
-/// Maximum size of one of the driver's buffers, bytes: four for each pixel.
-const MAX_BUFFER_BYTES: usize = 4 * MAX_PIXELS;
 
 /// Encoding of the pixels in a driver's buffer, in the order of preference: the cheapest to convert first.
 #[derive(Clone, Copy, Debug, Eq, Hash, Ord, PartialEq, PartialOrd)]

@@ -13,6 +13,7 @@
 use std::collections::BTreeMap;
 use std::io;
 
+use crate::camera::hardware::{ControlRange, check_fraction};
 use crate::{DeviceError, Feature, FeatureMode};
 
 /// A control of V4L2 that a feature uses. Modes come before values: a value may be set only in manual mode.
@@ -48,34 +49,6 @@ pub(super) enum Control {
 const AUTOMATIC_EXPOSURES: [i32; 2] = [3, 0];
 /// Values of `EXPOSURE_AUTO` in which callers choose the exposure time: manual, shutter priority.
 const MANUAL_EXPOSURES: [i32; 2] = [1, 2];
-
-/// Range of a control, as its driver reports it.
-#[derive(Clone, Copy, Debug, Eq, PartialEq)]
-pub(super) struct ControlRange {
-    pub(super) min: i32,
-    pub(super) max: i32,
-    pub(super) step: i32,
-}
-
-impl ControlRange {
-    /// Returns the value at a fraction of the range, on a step of the driver.
-    fn at(self, fraction: f64) -> i32 {
-        let (min, max) = (i64::from(self.min), i64::from(self.max));
-        let step = i64::from(self.step.max(1));
-        let steps = (fraction * (max - min) as f64 / step as f64).round() as i64;
-        let value = (min + steps * step).clamp(min, max.max(min));
-        i32::try_from(value).unwrap_or(self.min)
-    }
-
-    /// Returns the fraction of the range at a value.
-    fn fraction(self, value: i32) -> f64 {
-        let width = f64::from(self.max) - f64::from(self.min);
-        if width <= 0.0 {
-            return 0.0;
-        }
-        ((f64::from(value) - f64::from(self.min)) / width).clamp(0.0, 1.0)
-    }
-}
 
 /// Controls of an open device.
 pub(super) trait ControlPort: Send {
@@ -386,18 +359,6 @@ fn not_supported(what: String) -> DeviceError {
 fn pair_controls(feature: Feature) -> Result<[Control; 2], DeviceError> {
     let pair = controls_of(feature).pair;
     pair.ok_or_else(|| not_supported(format!("two values of {feature:?}")))
-}
-
-/// Refuses values outside 0 to 1.
-fn check_fraction(value: f64) -> Result<(), DeviceError> {
-    if (0.0..=1.0).contains(&value) {
-        return Ok(());
-    }
-    Err(DeviceError::Unsuitable {
-        what: "the value of a feature,",
-        asked: value.to_string(),
-        expected: "0 to 1".to_owned(),
-    })
 }
 
 #[cfg(test)]

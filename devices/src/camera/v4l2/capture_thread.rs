@@ -1,7 +1,6 @@
 //! The thread that takes images from a driver, and opens the device again when it was unplugged.
 
 use std::io;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -9,68 +8,32 @@ use super::buffer_conversion::{FrameError, FrameLayout};
 use super::camera_controls::ControlPanel;
 use super::mode_selection::{Offer, Wanted};
 use super::video_driver::{FilledBuffer, OpenedDevice, VideoDriver};
-use crate::camera::LatestValue;
-use crate::image::{Crop, Frame, Image, PixelFormat};
+use crate::camera::hardware::{CaptureState, Failure, REOPEN_INTERVAL, mirrored};
+use crate::image::{Crop, Image};
 use crate::{CameraDescription, DeviceError, clock};
 
 /// Longest wait for a buffer, after which the thread looks whether it shall end.
 const POLL_INTERVAL: Duration = Duration::from_millis(100);
-/// Pause before a device that failed is opened again.
-const REOPEN_INTERVAL: Duration = Duration::from_millis(500);
 /// Number of the error of a device that is no longer there (`ENODEV`).
 const NO_SUCH_DEVICE: i32 = 19;
 
-/// Reason why there are no images.
-#[derive(Clone, Debug)]
-pub(super) struct Failure {
-    step: &'static str,
-    cause: String,
-    advice: &'static str,
-}
-
-impl Failure {
-    fn error(self, device: &str) -> DeviceError {
-        DeviceError::Remote {
-            peer: device.to_owned(),
-            step: self.step.to_owned(),
-            advice: self.advice.to_owned(),
-            source: Some(self.cause.into()),
-        }
-    }
-
-    fn of_open(error: &DeviceError) -> Self {
-        let mut cause = error.to_string();
-        let mut source = std::error::Error::source(error);
-        while let Some(error) = source {
-            cause = format!("{cause}: {error}");
-            source = error.source();
-        }
-        Self {
-            step: "opening the camera again",
-            cause,
-            advice: "whether it is plugged in; it is opened again every half second",
-        }
-    }
-
-    fn of_stream(error: &io::Error) -> Self {
-        Self {
-            step: "taking an image",
-            cause: error.to_string(),
-            advice: match error.raw_os_error() {
-                Some(NO_SUCH_DEVICE) => "plugging the camera in again; it is opened by itself then",
-                _ => "another cable or port of USB; the camera is opened again by itself",
-            },
-        }
+/// Returns the failure of a stream.
+fn of_stream(error: &io::Error) -> Failure {
+    Failure {
+        step: "taking an image",
+        cause: error.to_string(),
+        advice: match error.raw_os_error() {
+            Some(NO_SUCH_DEVICE) => "plugging the camera in again; it is opened by itself then",
+            _ => "another cable or port of USB; the camera is opened again by itself",
+        },
     }
 }
 
 /// State that the thread shares with the callers.
 pub(super) struct Shared {
-    pub(super) device: String,
-    frames: LatestValue<Frame>,
+    pub(super) capture: Arc<CaptureState>,
     state: Mutex<State>,
     controls: Mutex<ControlPanel>,
-    pub(super) ending: AtomicBool,
     /// Maximum time without an image.
     frame_timeout: Duration,
 }
@@ -83,7 +46,6 @@ pub(super) struct State {
     pub(super) description: CameraDescription,
     pub(super) size: (usize, usize),
     pub(super) rate: Option<f64>,
-    failure: Option<Failure>,
 }
 
 impl Shared {
@@ -91,25 +53,22 @@ impl Shared {
     pub(super) fn new(
         device: &str,
         wanted: Wanted,
-        mirrored: bool,
+        is_mirrored: bool,
         frame_timeout: Duration,
         opened: &OpenedDevice,
     ) -> Self {
         let state = State {
             size: output_size(&wanted, &opened.layout),
             wanted,
-            mirrored,
+            mirrored: is_mirrored,
             offers: opened.offers.clone(),
             description: opened.description.clone(),
             rate: opened.rate,
-            failure: None,
         };
         Self {
-            device: device.to_owned(),
-            frames: LatestValue::new(),
+            capture: Arc::new(CaptureState::new(device)),
             state: Mutex::new(state),
             controls: Mutex::new(ControlPanel::new(device)),
-            ending: AtomicBool::new(false),
             frame_timeout,
         }
     }
@@ -121,34 +80,6 @@ impl Shared {
     /// Returns the controls. A call of the driver may hold them for as long as it takes, unlike the state.
     pub(super) fn controls(&self) -> MutexGuard<'_, ControlPanel> {
         self.controls.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Returns the newest image, unless the camera has failed since.
-    pub(super) fn newest(&self) -> Result<Frame, DeviceError> {
-        if let Some(failure) = self.state().failure.clone() {
-            return Err(failure.error(&self.device));
-        }
-        let what = "image";
-        self.frames.get().ok_or(DeviceError::NoDataYet { what })
-    }
-
-    fn is_ending(&self) -> bool {
-        self.ending.load(Ordering::Acquire)
-    }
-
-    /// Notes a failure; the first of a series is a warning.
-    fn report(&self, failure: Failure) {
-        let Failure {
-            step,
-            cause,
-            advice,
-        } = &failure;
-        let mut state = self.state();
-        match state.failure {
-            None => tracing::warn!("{}: {step} failed: {cause}; try {advice}", self.device),
-            Some(_) => tracing::debug!("{}: {step} failed: {cause}", self.device),
-        }
-        state.failure = Some(failure);
     }
 }
 
@@ -162,7 +93,6 @@ fn output_size(wanted: &Wanted, layout: &FrameLayout) -> (usize, usize) {
 pub(super) struct CaptureThread {
     pub(super) shared: Arc<Shared>,
     pub(super) driver: Box<dyn VideoDriver>,
-    taken: u64,
 }
 
 /// Images of one stream.
@@ -176,17 +106,13 @@ struct StreamState {
 
 impl CaptureThread {
     pub(super) fn new(shared: Arc<Shared>, driver: Box<dyn VideoDriver>) -> Self {
-        Self {
-            shared,
-            driver,
-            taken: 0,
-        }
+        Self { shared, driver }
     }
 
     /// Takes images until the camera is closed, and opens the device again when it fails.
     pub(super) fn run(mut self, first: OpenedDevice) {
         let mut opened = Some(first);
-        while !self.shared.is_ending() {
+        while !self.shared.capture.is_ending() {
             let outcome = match opened.take() {
                 Some(opened) => self.capture(opened),
                 None => {
@@ -200,7 +126,7 @@ impl CaptureThread {
             // A driver gives a device free when its last user closes it.
             self.shared.controls().detach();
             if let Err(failure) = outcome {
-                self.shared.report(failure);
+                self.shared.capture.report(failure);
                 self.pause(REOPEN_INTERVAL);
             }
         }
@@ -208,7 +134,7 @@ impl CaptureThread {
 
     fn pause(&self, interval: Duration) {
         let end = Instant::now() + interval;
-        while !self.shared.is_ending() {
+        while !self.shared.capture.is_ending() {
             let rest = end.saturating_duration_since(Instant::now());
             if rest.is_zero() {
                 return;
@@ -239,17 +165,14 @@ impl CaptureThread {
                 defect: None,
             }
         };
-        while !self.shared.is_ending() && self.shared.state().wanted == images.wanted {
+        while !self.shared.capture.is_ending() && self.shared.state().wanted == images.wanted {
             let timeout = self.shared.frame_timeout.min(POLL_INTERVAL);
-            if stream
-                .wait(timeout)
-                .map_err(|error| Failure::of_stream(&error))?
-            {
+            if stream.wait(timeout).map_err(|error| of_stream(&error))? {
                 let time = clock::now();
                 let mut use_buffer = |buffer: FilledBuffer<'_>| images.take(self, &buffer, time);
                 match stream.take(&mut use_buffer) {
                     Err(error) if error.kind() == io::ErrorKind::WouldBlock => {}
-                    other => other.map_err(|error| Failure::of_stream(&error))?,
+                    other => other.map_err(|error| of_stream(&error))?,
                 }
             }
             if images.last_image.elapsed() > self.shared.frame_timeout {
@@ -258,42 +181,27 @@ impl CaptureThread {
         }
         Ok(())
     }
-
-    /// Hands an image to the readers.
-    fn publish(&mut self, image: Image, time: f64) {
-        let frame = Frame {
-            image,
-            number: self.taken,
-            time,
-        };
-        if self.shared.frames.put(frame) {
-            self.taken += 1;
-        }
-        if self.shared.state().failure.take().is_some() {
-            tracing::info!("{}: images come again", self.shared.device);
-        }
-    }
 }
 
 impl StreamState {
     fn take(&mut self, thread: &mut CaptureThread, buffer: &FilledBuffer<'_>, time: f64) {
-        let mirrored = thread.shared.state().mirrored;
-        match self.image(buffer, mirrored) {
+        let is_mirrored = thread.shared.state().mirrored;
+        match self.image(buffer, is_mirrored) {
             Ok(image) => {
                 self.last_image = Instant::now();
                 self.defect = None;
-                thread.publish(image, time);
+                thread.shared.capture.publish(image, time);
             }
             Err(defect) => {
                 if self.defect.is_none() {
-                    tracing::warn!("{}: image left out: {defect}", thread.shared.device);
+                    tracing::warn!("{}: image left out: {defect}", thread.shared.capture.device);
                 }
                 self.defect = Some(defect);
             }
         }
     }
 
-    fn image(&self, buffer: &FilledBuffer<'_>, mirrored: bool) -> Result<Image, FrameError> {
+    fn image(&self, buffer: &FilledBuffer<'_>, is_mirrored: bool) -> Result<Image, FrameError> {
         if buffer.damaged {
             return Err(FrameError::Damaged);
         }
@@ -302,8 +210,8 @@ impl StreamState {
         if size != self.layout.size() {
             image = centre(&image, size)?;
         }
-        match mirrored {
-            true => mirror(&image),
+        match is_mirrored {
+            true => mirrored(&image).map_err(|error| FrameError::Jpeg(error.to_string())),
             false => Ok(image),
         }
     }
@@ -333,15 +241,5 @@ fn centre(image: &Image, (width, height): (usize, usize)) -> Result<Image, Frame
     let (top, bottom) = corner(image.height(), height);
     Crop::Rectangle((left, top), (right, bottom))
         .of(image)
-        .map_err(|error| FrameError::Jpeg(error.to_string()))
-}
-
-/// Swaps left and right.
-fn mirror(image: &Image) -> Result<Image, FrameError> {
-    let mut pixels = Vec::with_capacity(image.pixels().len());
-    for line in image.pixels().chunks_exact((image.width() * 3).max(1)) {
-        pixels.extend(line.rchunks_exact(3).flatten());
-    }
-    Image::new(PixelFormat::Rgb, image.width(), image.height(), pixels)
         .map_err(|error| FrameError::Jpeg(error.to_string()))
 }

@@ -17,7 +17,8 @@ use std::path::Path;
 use rustix::io::Errno;
 use rustix::ioctl::{Opcode, Updater, ioctl, opcode};
 
-use super::camera_controls::{Control, ControlPort, ControlRange};
+use super::camera_controls::{Control, ControlPort};
+use crate::camera::hardware::ControlRange;
 
 /// First number of the controls of any video device (`V4L2_CID_BASE`).
 const USER: u32 = 0x0098_0900;

@@ -1,29 +1,18 @@
 //! The camera as a device.
 
 use std::sync::Arc;
-use std::sync::Mutex;
-use std::sync::PoisonError;
-use std::sync::atomic::Ordering;
-use std::thread::{self, JoinHandle};
-use std::time::{Duration, Instant};
 
 use super::capture_thread::{CaptureThread, Shared};
 use super::linux_driver::LinuxDriver;
 use super::mode_selection::{Wanted, choose};
 use super::v4l2_options::V4l2Options;
 use super::video_driver::VideoDriver;
-use crate::camera::camera_options::check_angles;
+use crate::camera::hardware::{CaptureHandle, Lens, check_mirror};
 use crate::image::{Frame, PixelFormat};
 use crate::{
     CameraConfiguration, CameraDescription, Device, DeviceError, Feature, FeatureMode,
     FrameGrabberControls, FrameGrabberImage, FrameGrabberImageRaw, Intrinsics, RgbVisualParams,
 };
-
-/// Maximum time that closing waits for the thread: longer than a wait for a buffer, and than the pause before a device is opened
-/// again.
-const CLOSE_TIMEOUT: Duration = Duration::from_secs(2);
-/// Interval at which closing looks whether the thread has ended.
-const CLOSE_INTERVAL: Duration = Duration::from_millis(5);
 
 /// A camera of the machine, through the kernel's interface for video devices (V4L2).
 ///
@@ -51,9 +40,9 @@ const CLOSE_INTERVAL: Duration = Duration::from_millis(5);
 /// ```
 pub struct V4l2Camera {
     shared: Arc<Shared>,
-    field_of_view: Mutex<Option<(f64, f64)>>,
-    intrinsics: Option<Intrinsics>,
-    thread: Option<JoinHandle<()>>,
+    lens: Lens,
+    // Its end is waited for when the camera is dropped.
+    _thread: CaptureHandle,
 }
 
 impl V4l2Camera {
@@ -77,64 +66,37 @@ impl V4l2Camera {
         let shared = Arc::new(Shared::new(
             &options.device.display().to_string(),
             options.wanted.clone(),
-            options.mirrored,
-            options.frame_timeout,
+            options.common.mirrored,
+            options.common.frame_timeout,
             &opened,
         ));
         let capture = CaptureThread::new(Arc::clone(&shared), driver);
-        let thread = thread::Builder::new()
-            .name("camera".into())
-            .spawn(move || capture.run(opened))
-            .map_err(|source| DeviceError::Start {
-                what: "the thread of the camera",
-                source,
-            })?;
+        let thread = CaptureHandle::start(&shared.capture, move || capture.run(opened))?;
+        thread.wait_for_image(options.common.frame_timeout)?;
         let camera = Self {
             shared,
-            field_of_view: Mutex::new(options.field_of_view),
-            intrinsics: options.intrinsics.clone(),
-            thread: Some(thread),
+            lens: Lens::new(&options.common),
+            _thread: thread,
         };
-        camera.wait_for_image(options.frame_timeout)?;
         camera.set_features(&options);
         Ok(camera)
     }
 
-    /// Waits for the first image, or for the reason why there is none.
-    fn wait_for_image(&self, timeout: Duration) -> Result<(), DeviceError> {
-        // The thread gives up first, with a reason.
-        let deadline = Instant::now() + timeout + CLOSE_TIMEOUT;
-        loop {
-            match self.shared.newest() {
-                Err(DeviceError::NoDataYet { .. }) if Instant::now() < deadline => {
-                    thread::sleep(CLOSE_INTERVAL);
-                }
-                Err(DeviceError::NoDataYet { .. }) => {
-                    return Err(DeviceError::Remote {
-                        peer: self.shared.device.clone(),
-                        step: "waiting for the first image".to_owned(),
-                        advice: "plugging the camera in again: a call of its driver blocks"
-                            .to_owned(),
-                        source: None,
-                    });
-                }
-                other => return other.map(|_| ()),
-            }
-        }
-    }
-
     fn set_features(&self, options: &V4l2Options) {
-        let features = options.features.iter().map(|(feature, value)| {
+        let features = options.common.features.iter().map(|(feature, value)| {
             let outcome = self.shared.controls().set_value(*feature, *value);
             (*feature, outcome)
         });
-        let white_balance = options.white_balance.map(|values| {
+        let white_balance = options.common.white_balance.map(|values| {
             let feature = Feature::WhiteBalance;
             (feature, self.shared.controls().set_pair(feature, values))
         });
         for (feature, outcome) in features.chain(white_balance) {
             if let Err(error) = outcome {
-                tracing::warn!("{}: {feature:?} is not set: {error}", self.shared.device);
+                tracing::warn!(
+                    "{}: {feature:?} is not set: {error}",
+                    self.shared.capture.device
+                );
             }
         }
     }
@@ -149,40 +111,13 @@ impl V4l2Camera {
     }
 }
 
-impl Drop for V4l2Camera {
-    fn drop(&mut self) {
-        self.shared.ending.store(true, Ordering::Release);
-        let Some(thread) = self.thread.take() else {
-            return;
-        };
-        let deadline = Instant::now() + CLOSE_TIMEOUT;
-        while !thread.is_finished() {
-            if Instant::now() > deadline {
-                tracing::error!(
-                    "{}: a call of the driver still blocks after {CLOSE_TIMEOUT:?}; its thread is left behind",
-                    self.shared.device
-                );
-                return;
-            }
-            thread.thread().unpark();
-            thread::sleep(CLOSE_INTERVAL);
-        }
-        if thread.join().is_err() {
-            tracing::error!(
-                "{}: the thread of the camera had panicked",
-                self.shared.device
-            );
-        }
-    }
-}
-
 impl FrameGrabberImage for V4l2Camera {
     fn image_size(&self) -> Result<(usize, usize), DeviceError> {
         Ok(self.shared.state().size)
     }
 
     fn image(&self) -> Result<Frame, DeviceError> {
-        self.shared.newest()
+        self.shared.capture.newest()
     }
 }
 
@@ -192,7 +127,7 @@ impl FrameGrabberImageRaw for V4l2Camera {
     }
 
     fn raw_image(&self) -> Result<Frame, DeviceError> {
-        self.shared.newest()?.to_mono()
+        self.shared.capture.newest()?.to_mono()
     }
 }
 
@@ -216,17 +151,10 @@ impl FrameGrabberControls for V4l2Camera {
     }
 
     fn set_feature(&self, feature: Feature, value: f64) -> Result<(), DeviceError> {
-        if feature != Feature::Mirror {
-            return self.shared.controls().set_value(feature, value);
+        match feature {
+            Feature::Mirror => self.set_mirroring(check_mirror(value)?),
+            _ => self.shared.controls().set_value(feature, value),
         }
-        if !(0.0..=1.0).contains(&value) {
-            return Err(DeviceError::Unsuitable {
-                what: "the value of a feature,",
-                asked: value.to_string(),
-                expected: "0 or 1".to_owned(),
-            });
-        }
-        self.set_mirroring(value >= 0.5)
     }
 
     fn feature_pair(&self, feature: Feature) -> Result<(f64, f64), DeviceError> {
@@ -324,30 +252,15 @@ impl RgbVisualParams for V4l2Camera {
     }
 
     fn field_of_view(&self) -> Result<(f64, f64), DeviceError> {
-        let angles = *self
-            .field_of_view
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
-        angles.ok_or_else(|| DeviceError::NotSupported {
-            what: "the field of view, unless its angles are set,".to_owned(),
-        })
+        self.lens.field_of_view()
     }
 
     fn set_field_of_view(&self, across: f64, down: f64) -> Result<(), DeviceError> {
-        check_angles((across, down))?;
-        *self
-            .field_of_view
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner) = Some((across, down));
-        Ok(())
+        self.lens.set_field_of_view(across, down)
     }
 
     fn intrinsics(&self) -> Result<Intrinsics, DeviceError> {
-        self.intrinsics
-            .clone()
-            .ok_or_else(|| DeviceError::NotSupported {
-                what: "the description of the lens, unless it is set,".to_owned(),
-            })
+        self.lens.intrinsics()
     }
 
     fn mirroring(&self) -> Result<bool, DeviceError> {
@@ -371,9 +284,13 @@ impl Device for V4l2Camera {
 
 #[cfg(test)]
 mod tests {
+    use std::thread;
+    use std::time::{Duration, Instant};
+
     use super::super::camera_controls::Control;
     use super::super::fake_driver::{Behaviour, FakeDriver};
     use super::*;
+    use crate::camera::hardware::CLOSE_TIMEOUT;
 
     /// Time within which a test expects something to happen.
     const TIMEOUT: Duration = Duration::from_secs(10);

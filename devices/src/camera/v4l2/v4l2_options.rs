@@ -5,15 +5,11 @@ use std::time::Duration;
 
 use super::Encoding;
 use super::mode_selection::Wanted;
-use crate::camera::camera_options::check_angles;
+use crate::camera::hardware::CommonOptions;
 use crate::{DeviceError, Feature, Intrinsics};
 
 /// Range of the rate, images per second.
 const RATES: std::ops::RangeInclusive<f64> = 0.1..=1000.0;
-/// Range of the maximum time without an image.
-const FRAME_TIMEOUTS: std::ops::RangeInclusive<Duration> =
-    Duration::from_millis(100)..=Duration::from_secs(60);
-
 /// Options of a [`V4l2Camera`](super::V4l2Camera). The defaults are those of stock's `usbCamera`: 30 images a second of
 /// 640 x 480 pixels, or of the nearest size that the camera has.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,12 +17,7 @@ const FRAME_TIMEOUTS: std::ops::RangeInclusive<Duration> =
 pub struct V4l2Options {
     pub(super) device: PathBuf,
     pub(super) wanted: Wanted,
-    pub(super) mirrored: bool,
-    pub(super) frame_timeout: Duration,
-    pub(super) field_of_view: Option<(f64, f64)>,
-    pub(super) intrinsics: Option<Intrinsics>,
-    pub(super) features: Vec<(Feature, f64)>,
-    pub(super) white_balance: Option<(f64, f64)>,
+    pub(super) common: CommonOptions,
 }
 
 impl V4l2Options {
@@ -38,12 +29,7 @@ impl V4l2Options {
                 rate: Some(30.0),
                 ..Wanted::default()
             },
-            mirrored: false,
-            frame_timeout: Duration::from_secs(2),
-            field_of_view: None,
-            intrinsics: None,
-            features: Vec::new(),
-            white_balance: None,
+            common: CommonOptions::default(),
         }
     }
 
@@ -74,37 +60,37 @@ impl V4l2Options {
 
     /// Swaps left and right.
     pub fn mirrored(mut self, mirrored: bool) -> Self {
-        self.mirrored = mirrored;
+        self.common.mirrored = mirrored;
         self
     }
 
     /// Sets the maximum time without an image, 0.1 to 60 s, after which the camera counts as failed and is opened again.
     pub fn frame_timeout(mut self, timeout: Duration) -> Self {
-        self.frame_timeout = timeout;
+        self.common.frame_timeout = timeout;
         self
     }
 
     /// Sets the reported horizontal and vertical angles of view, degrees.
     pub fn field_of_view(mut self, across: f64, down: f64) -> Self {
-        self.field_of_view = Some((across, down));
+        self.common.field_of_view = Some((across, down));
         self
     }
 
     /// Sets the reported lens.
     pub fn intrinsics(mut self, intrinsics: Intrinsics) -> Self {
-        self.intrinsics = Some(intrinsics);
+        self.common.intrinsics = Some(intrinsics);
         self
     }
 
     /// Sets a feature at the start, 0 to 1. A camera that does not have it still starts, with a warning.
     pub fn feature(mut self, feature: Feature, value: f64) -> Self {
-        self.features.push((feature, value));
+        self.common.features.push((feature, value));
         self
     }
 
     /// Sets the white balance at the start: blue and red, 0 to 1.
     pub fn white_balance(mut self, blue: f64, red: f64) -> Self {
-        self.white_balance = Some((blue, red));
+        self.common.white_balance = Some((blue, red));
         self
     }
 
@@ -122,14 +108,7 @@ impl V4l2Options {
                 expected: "0.1 to 1000".to_owned(),
             });
         }
-        if !FRAME_TIMEOUTS.contains(&self.frame_timeout) {
-            return Err(DeviceError::Unsuitable {
-                what: "time without an image",
-                asked: format!("{:?}", self.frame_timeout),
-                expected: "0.1 to 60 s".to_owned(),
-            });
-        }
-        self.field_of_view.map_or(Ok(()), check_angles)
+        self.common.check()
     }
 }
 

@@ -1,0 +1,320 @@
+//! The thread that owns the camera: it takes images, executes the tasks of callers, and opens an unplugged camera again.
+
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use rustix::event::{EventfdFlags, PollFd, PollFlags, Timespec, eventfd, poll};
+use rustix::fd::OwnedFd;
+
+use super::bindings::{FIRST_CODING, FIRST_FILTER};
+use super::frame_conversion::{FrameError, FrameLayout};
+use super::opened_camera::FrameView;
+use super::session::Session;
+use crate::camera::LatestValue;
+use crate::camera::hardware::{CaptureState, Failure, REOPEN_INTERVAL, chain, mirrored};
+use crate::image::{Frame, Image};
+use crate::{CameraDescription, DeviceError, clock};
+
+/// Longest wait for a frame or a task, after which the thread looks whether it shall end.
+const POLL_INTERVAL: Duration = Duration::from_millis(100);
+/// Maximum time that a caller waits for the execution of its task: ten accesses to registers that the camera does not answer.
+pub(super) const CALL_TIMEOUT: Duration = Duration::from_secs(10);
+/// Maximum number of tasks that wait.
+const MAX_TASKS: usize = 16;
+
+/// A task of a caller.
+type Task = Box<dyn FnOnce(&mut Session) + Send>;
+
+/// State that the thread shares with the callers.
+pub(super) struct Shared {
+    pub(super) capture: Arc<CaptureState>,
+    /// Values of the sensor, of cameras that send them.
+    pub(super) raw: LatestValue<Frame>,
+    state: Mutex<State>,
+    frame_timeout: Duration,
+}
+
+/// Choices of the callers, and what the camera says.
+pub(super) struct State {
+    pub(super) size: (usize, usize),
+    pub(super) mirrored: bool,
+    pub(super) description: CameraDescription,
+}
+
+impl Shared {
+    /// Creates the state of a camera that is not open yet.
+    pub(super) fn new(device: &str, is_mirrored: bool, frame_timeout: Duration) -> Self {
+        Self {
+            capture: Arc::new(CaptureState::new(device)),
+            raw: LatestValue::new(),
+            state: Mutex::new(State {
+                size: (0, 0),
+                mirrored: is_mirrored,
+                description: CameraDescription::default(),
+            }),
+            frame_timeout,
+        }
+    }
+
+    pub(super) fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The callers' end of the thread's queue of tasks.
+pub(super) struct TaskSender {
+    sender: SyncSender<Task>,
+    wake: Arc<OwnedFd>,
+    device: String,
+}
+
+/// The thread's end of its queue of tasks.
+pub(super) struct TaskQueue {
+    tasks: Receiver<Task>,
+    wake: Arc<OwnedFd>,
+}
+
+/// Creates a queue of tasks.
+pub(super) fn task_queue(device: &str) -> Result<(TaskSender, TaskQueue), DeviceError> {
+    let wake = eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK);
+    let wake = wake.map_err(|error| DeviceError::Start {
+        what: "the thread of the camera",
+        source: error.into(),
+    })?;
+    let wake = Arc::new(wake);
+    let (sender, tasks) = sync_channel(MAX_TASKS);
+    let sender = TaskSender {
+        sender,
+        wake: Arc::clone(&wake),
+        device: device.to_owned(),
+    };
+    Ok((sender, TaskQueue { tasks, wake }))
+}
+
+impl TaskSender {
+    /// Lets the thread execute a task, and waits for its result.
+    pub(super) fn run<T: Send + 'static>(
+        &self,
+        task: impl FnOnce(&mut Session) -> Result<T, DeviceError> + Send + 'static,
+    ) -> Result<T, DeviceError> {
+        let failed = |step: &str, advice: &str| DeviceError::Remote {
+            peer: self.device.clone(),
+            step: step.to_owned(),
+            advice: advice.to_owned(),
+            source: None,
+        };
+        let (reply, result) = sync_channel(1);
+        let task: Task = Box::new(move |session| {
+            // A caller whose time is over has gone.
+            let _ = reply.try_send(task(session));
+        });
+        match self.sender.try_send(task) {
+            Ok(()) => {}
+            Err(TrySendError::Full(_)) => {
+                let advice = "again: too many requests wait for the camera";
+                return Err(failed("queueing a request", advice));
+            }
+            Err(TrySendError::Disconnected(_)) => {
+                return Err(failed("queueing a request", "starting the camera again"));
+            }
+        }
+        // It fails only when the thread is woken anyway.
+        let _ = rustix::io::write(&*self.wake, &1_u64.to_ne_bytes());
+        match result.recv_timeout(CALL_TIMEOUT) {
+            Ok(result) => result,
+            Err(RecvTimeoutError::Timeout) => Err(failed(
+                "waiting for the camera",
+                "plugging the camera in again: a call of its library blocks",
+            )),
+            Err(RecvTimeoutError::Disconnected) => Err(failed(
+                "waiting for the camera",
+                "starting the camera again",
+            )),
+        }
+    }
+}
+
+/// The thread's part of a camera.
+pub(super) struct CaptureThread {
+    shared: Arc<Shared>,
+    session: Session,
+    queue: TaskQueue,
+    raw_taken: u64,
+}
+
+impl CaptureThread {
+    pub(super) fn new(shared: Arc<Shared>, session: Session, queue: TaskQueue) -> Self {
+        Self {
+            shared,
+            session,
+            queue,
+            raw_taken: 0,
+        }
+    }
+
+    /// Opens the camera, tells the outcome, takes images until the camera is closed, and opens it again when it fails.
+    pub(super) fn run(mut self, opened: &SyncSender<Result<(), DeviceError>>) {
+        let outcome = self.session.open();
+        let failed = outcome.is_err();
+        if opened.try_send(outcome).is_err() || failed {
+            return;
+        }
+        while !self.shared.capture.is_ending() {
+            let outcome = self.capture();
+            self.session.close();
+            let Err(mut failure) = outcome else {
+                return;
+            };
+            loop {
+                self.shared.capture.report(failure);
+                self.pause();
+                if self.shared.capture.is_ending() {
+                    return;
+                }
+                match self.session.open() {
+                    Ok(()) => break,
+                    Err(error) => failure = Failure::of_open(&error),
+                }
+            }
+        }
+    }
+
+    /// Executes tasks for a while, without a camera.
+    fn pause(&mut self) {
+        let end = Instant::now() + REOPEN_INTERVAL;
+        while !self.shared.capture.is_ending() {
+            let rest = end.saturating_duration_since(Instant::now());
+            if rest.is_zero() {
+                return;
+            }
+            self.wait(rest.min(POLL_INTERVAL));
+            self.run_tasks();
+        }
+    }
+
+    /// Waits for a frame or a task.
+    fn wait(&self, timeout: Duration) {
+        let timeout = Timespec::try_from(timeout).unwrap_or_default();
+        let wake = PollFd::new(&*self.queue.wake, PollFlags::IN);
+        let camera = self.session.camera().ok();
+        // Another outcome than a frame is seen when one is taken.
+        let _ = match camera.and_then(|camera| camera.file()) {
+            Some(file) => {
+                let mut files = [wake, PollFd::from_borrowed_fd(file, PollFlags::IN)];
+                poll(&mut files, Some(&timeout))
+            }
+            None => poll(&mut [wake], Some(&timeout)),
+        };
+    }
+
+    fn run_tasks(&mut self) {
+        let mut count = [0; 8];
+        // Nothing is there to read when nobody has woken the thread.
+        let _ = rustix::io::read(&*self.queue.wake, &mut count);
+        for _ in 0..MAX_TASKS {
+            let Ok(task) = self.queue.tasks.try_recv() else {
+                return;
+            };
+            task(&mut self.session);
+        }
+    }
+
+    /// Takes images until the camera is closed or fails.
+    fn capture(&mut self) -> Result<(), Failure> {
+        let mut last_image = Instant::now();
+        let mut defect: Option<FrameError> = None;
+        while !self.shared.capture.is_ending() {
+            self.wait(POLL_INTERVAL);
+            self.run_tasks();
+            match self.take().map_err(|error| of_stream(&error))? {
+                Some(Ok(())) => {
+                    last_image = Instant::now();
+                    defect = None;
+                }
+                Some(Err(reason)) => {
+                    if defect.is_none() {
+                        tracing::warn!("{}: image left out: {reason}", self.shared.capture.device);
+                    }
+                    defect = Some(reason);
+                }
+                // Nothing is expected of a camera that was told to send nothing.
+                None if !self.session.is_sending() => last_image = Instant::now(),
+                None => {}
+            }
+            if last_image.elapsed() > self.shared.frame_timeout {
+                return Err(timed_out(self.shared.frame_timeout, defect));
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes a frame, if there is one, and hands its image to the readers.
+    fn take(&mut self) -> Result<Option<Result<(), FrameError>>, DeviceError> {
+        let time = clock::now();
+        let camera = self.session.camera_mut()?;
+        let taken = camera.take(|frame| (frame.packet_bytes, images(frame)))?;
+        let Some((packet_bytes, images)) = taken else {
+            return Ok(None);
+        };
+        self.session.last_packet_bytes = Some(packet_bytes);
+        Ok(Some(
+            images.map(|(image, raw)| self.publish(image, raw, time)),
+        ))
+    }
+
+    fn publish(&mut self, image: Image, raw: Option<Image>, time: f64) {
+        let image = match self.shared.state().mirrored {
+            true => mirrored(&image).unwrap_or(image),
+            false => image,
+        };
+        if let Some(image) = raw {
+            let number = self.raw_taken;
+            let frame = Frame {
+                image,
+                number,
+                time,
+            };
+            if self.shared.raw.put(frame) {
+                self.raw_taken += 1;
+            }
+        }
+        self.shared.capture.publish(image, time);
+    }
+}
+
+/// Returns the image of a frame in red, green and blue, and the values of the sensor if the frame has them.
+fn images(frame: &FrameView<'_>) -> Result<(Image, Option<Image>), FrameError> {
+    if frame.damaged {
+        return Err(FrameError::Damaged);
+    }
+    let number =
+        |value: i32, first: i32| u32::try_from(value.wrapping_sub(first)).unwrap_or(u32::MAX);
+    let layout = FrameLayout::new(
+        frame.size,
+        number(frame.coding, FIRST_CODING),
+        number(frame.filter, FIRST_FILTER),
+        frame.depth,
+        frame.little_endian,
+    )?;
+    Ok((layout.image(frame.bytes)?, layout.raw_image(frame.bytes)?))
+}
+
+fn of_stream(error: &DeviceError) -> Failure {
+    Failure {
+        step: "taking an image",
+        cause: chain(error),
+        advice: "plugging the camera in again; it is opened by itself then",
+    }
+}
+
+fn timed_out(timeout: Duration, defect: Option<FrameError>) -> Failure {
+    Failure {
+        step: "waiting for an image",
+        cause: match defect {
+            Some(defect) => format!("no usable image within {timeout:?}, the last: {defect}"),
+            None => format!("no image within {timeout:?}"),
+        },
+        advice: "a lower rate or a smaller size, and a bus that no other camera shares",
+    }
+}

@@ -1,0 +1,429 @@
+//! An open camera: the calls of the library, each with its error.
+
+#![allow(unsafe_code, reason = "a library in C has no safe interface")]
+
+use std::ffi::c_int;
+use std::os::fd::BorrowedFd;
+use std::ptr::NonNull;
+
+use super::IidcChoice;
+use super::bindings::{
+    CAPTURE_DEFAULT, CameraInfo, CameraList, Context, FUNCTION_NOT_SUPPORTED, Functions,
+    POLICY_POLL, VideoFrame,
+};
+use super::library::{load, text};
+use crate::camera::hardware::MAX_BUFFER_BYTES;
+use crate::{Bus, CameraDescription, DeviceError};
+
+/// Number of buffers of the library, as in stock's driver.
+const BUFFER_COUNT: u32 = 4;
+/// Maximum number of cameras among which one is looked for: the addresses of a bus of IEEE 1394.
+const MAX_CAMERAS: usize = 63;
+const OFF: c_int = 0;
+const ADVICE: &str = "whether the camera is plugged in, and another value or video mode";
+
+/// A getter of one value.
+pub(super) type Get<T> = unsafe extern "C" fn(*mut CameraInfo, *mut T) -> c_int;
+/// A getter of one value of an item, such as a video mode or a feature.
+pub(super) type GetOf<T> = unsafe extern "C" fn(*mut CameraInfo, c_int, *mut T) -> c_int;
+/// A getter of two values of an item.
+pub(super) type GetPair = unsafe extern "C" fn(*mut CameraInfo, c_int, *mut u32, *mut u32) -> c_int;
+
+/// A frame that the camera has sent.
+pub(super) struct FrameView<'a> {
+    pub(super) bytes: &'a [u8],
+    pub(super) size: (u32, u32),
+    pub(super) coding: i32,
+    pub(super) filter: i32,
+    pub(super) depth: u32,
+    pub(super) little_endian: bool,
+    pub(super) packet_bytes: u32,
+    /// True if a part of it was lost.
+    pub(super) damaged: bool,
+}
+
+/// A camera that is open. It is closed when this is dropped, and sends nothing then.
+pub(super) struct OpenedCamera {
+    api: &'static Functions,
+    context: NonNull<Context>,
+    camera: NonNull<CameraInfo>,
+    peer: String,
+    capturing: bool,
+    /// True for cameras on USB.
+    is_usb: bool,
+}
+
+/// The library's state, until a camera is open.
+struct OpenContext(&'static Functions, NonNull<Context>);
+
+impl Drop for OpenContext {
+    fn drop(&mut self) {
+        // SAFETY: the context is the library's, and no camera of it is open.
+        unsafe { (self.0.free)(self.1.as_ptr()) };
+    }
+}
+
+impl OpenedCamera {
+    /// Opens a camera. Each time all buses are looked at anew.
+    pub(super) fn open(choice: IidcChoice) -> Result<Self, DeviceError> {
+        let api = load()?;
+        let failed = |step: &str, advice: &str| DeviceError::Remote {
+            peer: choice.to_string(),
+            step: step.to_owned(),
+            advice: advice.to_owned(),
+            source: None,
+        };
+        // SAFETY: it takes nothing.
+        let context = NonNull::new(unsafe { (api.new)() });
+        let context = context.ok_or_else(|| {
+            let advice = "whether the kernel has IEEE 1394 or USB (ls /dev/fw* /dev/bus/usb)";
+            failed("looking for buses", advice)
+        })?;
+        let context = OpenContext(api, context);
+        let guids = guids(api, context.1);
+        let wanted = match choice {
+            IidcChoice::First => guids.first(),
+            IidcChoice::Place(place) => guids.get(place),
+            IidcChoice::Guid(guid) => guids.iter().find(|one| **one == guid),
+        };
+        let Some(guid) = wanted.copied() else {
+            let found: Vec<_> = guids.iter().map(|guid| format!("{guid:016X}")).collect();
+            let advice = match found.is_empty() {
+                true => "whether it is plugged in, and the rights to /dev/fw* or /dev/bus/usb"
+                    .to_owned(),
+                false => format!("one of those that are plugged in: {}", found.join(", ")),
+            };
+            return Err(failed("finding the camera", &advice));
+        };
+        // SAFETY: the context is the library's.
+        let camera = NonNull::new(unsafe { (api.camera_new)(context.1.as_ptr(), guid) });
+        let camera = camera.ok_or_else(|| {
+            let advice = "after closing other programs that use the camera, or as a user with the rights to it";
+            failed("opening the camera", advice)
+        })?;
+        let mut opened = Self {
+            api,
+            context: context.1,
+            camera,
+            peer: format!("{choice} ({guid:016X})"),
+            capturing: false,
+            is_usb: false,
+        };
+        std::mem::forget(context);
+        opened.is_usb = opened.platform() == "usb";
+        Ok(opened)
+    }
+
+    /// Returns the functions of the library.
+    pub(super) fn api(&self) -> &'static Functions {
+        self.api
+    }
+
+    fn raw(&self) -> *mut CameraInfo {
+        self.camera.as_ptr()
+    }
+
+    /// Turns a result of the library into an error.
+    pub(super) fn check(&self, step: &str, code: c_int) -> Result<(), DeviceError> {
+        if code == 0 {
+            return Ok(());
+        }
+        if code == FUNCTION_NOT_SUPPORTED {
+            return Err(DeviceError::NotSupported {
+                what: step.to_owned(),
+            });
+        }
+        // SAFETY: it returns a constant text for any number in its list; others are not asked for.
+        let words = match (-39..0).contains(&code) {
+            true => text(unsafe { (self.api.error_get_string)(code) }),
+            false => format!("error {code}"),
+        };
+        Err(DeviceError::Remote {
+            peer: self.peer.clone(),
+            step: step.to_owned(),
+            advice: ADVICE.to_owned(),
+            source: Some(words.into()),
+        })
+    }
+
+    /// Reads a value.
+    pub(super) fn get<T: Default>(&self, step: &str, get: Get<T>) -> Result<T, DeviceError> {
+        let mut value = T::default();
+        // SAFETY: the camera is open, and the function writes one value of its type.
+        self.check(step, unsafe { get(self.raw(), &mut value) })?;
+        Ok(value)
+    }
+
+    /// Reads a value of an item.
+    pub(super) fn get_of<T: Default>(
+        &self,
+        step: &str,
+        item: c_int,
+        get: GetOf<T>,
+    ) -> Result<T, DeviceError> {
+        let mut value = T::default();
+        // SAFETY: the camera is open, and the function writes one value of its type.
+        self.check(step, unsafe { get(self.raw(), item, &mut value) })?;
+        Ok(value)
+    }
+
+    /// Reads two values of an item.
+    pub(super) fn get_pair(
+        &self,
+        step: &str,
+        item: c_int,
+        get: GetPair,
+    ) -> Result<(u32, u32), DeviceError> {
+        let (mut first, mut second) = (0, 0);
+        // SAFETY: the camera is open, and the function writes two values.
+        self.check(step, unsafe {
+            get(self.raw(), item, &mut first, &mut second)
+        })?;
+        Ok((first, second))
+    }
+
+    /// Sets a value.
+    pub(super) fn set(
+        &self,
+        step: &str,
+        value: c_int,
+        set: unsafe extern "C" fn(*mut CameraInfo, c_int) -> c_int,
+    ) -> Result<(), DeviceError> {
+        // SAFETY: the camera is open.
+        self.check(step, unsafe { set(self.raw(), value) })
+    }
+
+    /// Sets a value of an item.
+    pub(super) fn set_of<T>(
+        &self,
+        step: &str,
+        item: c_int,
+        value: T,
+        set: unsafe extern "C" fn(*mut CameraInfo, c_int, T) -> c_int,
+    ) -> Result<(), DeviceError> {
+        // SAFETY: the camera is open.
+        self.check(step, unsafe { set(self.raw(), item, value) })
+    }
+
+    /// Reads the white balance: blue and red.
+    pub(super) fn white_balance(&self) -> Result<(u32, u32), DeviceError> {
+        let (mut blue, mut red) = (0, 0);
+        let get = self.api.feature_whitebalance_get_value;
+        // SAFETY: the camera is open, and the function writes two values.
+        self.check("reading WhiteBalance", unsafe {
+            get(self.raw(), &mut blue, &mut red)
+        })?;
+        Ok((blue, red))
+    }
+
+    /// Sets the white balance.
+    pub(super) fn set_white_balance(&self, (blue, red): (u32, u32)) -> Result<(), DeviceError> {
+        let set = self.api.feature_whitebalance_set_value;
+        // SAFETY: the camera is open.
+        self.check("setting WhiteBalance", unsafe {
+            set(self.raw(), blue, red)
+        })
+    }
+
+    /// Sets coding, bytes in a packet and window of a mode of format 7.
+    pub(super) fn set_region(
+        &self,
+        mode: c_int,
+        coding: c_int,
+        packet: i32,
+        [x, y, width, height]: [i32; 4],
+    ) -> Result<(), DeviceError> {
+        let set = self.api.format7_set_roi;
+        // SAFETY: the camera is open.
+        self.check("setting window, coding and packet size", unsafe {
+            set(self.raw(), mode, coding, packet, x, y, width, height)
+        })
+    }
+
+    /// Resets the camera.
+    pub(super) fn reset(&self) -> Result<(), DeviceError> {
+        // SAFETY: the camera is open.
+        self.check("resetting the camera", unsafe {
+            (self.api.camera_reset)(self.raw())
+        })
+    }
+
+    /// Loads settings that the camera has stored.
+    pub(super) fn load_memory(&self, channel: u32) -> Result<(), DeviceError> {
+        // SAFETY: the camera is open.
+        self.check("loading the settings of the maker", unsafe {
+            (self.api.memory_load)(self.raw(), channel)
+        })
+    }
+
+    /// Returns true if the camera can be switched off.
+    pub(super) fn has_power_switch(&self) -> bool {
+        // SAFETY: the camera is open.
+        unsafe { self.camera.as_ref() }.can_switch_on_off != OFF
+    }
+
+    /// Returns the library's name of the bus.
+    fn platform(&self) -> String {
+        let mut name = std::ptr::null();
+        // SAFETY: the camera is open, and the function writes the address of a constant text.
+        let code = unsafe { (self.api.camera_get_platform_string)(self.raw(), &mut name) };
+        if code == 0 { text(name) } else { String::new() }
+    }
+
+    /// Returns make and number of the camera.
+    pub(super) fn description(&self) -> CameraDescription {
+        // SAFETY: the camera is open.
+        let info = unsafe { self.camera.as_ref() };
+        CameraDescription {
+            bus: if self.is_usb { Bus::Usb } else { Bus::Firewire },
+            description: format!(
+                "{} {} ({:016X})",
+                text(info.vendor),
+                text(info.model),
+                info.guid
+            ),
+        }
+    }
+
+    /// Starts the transfer of frames.
+    pub(super) fn start_capture(&mut self) -> Result<(), DeviceError> {
+        if self.capturing {
+            return Ok(());
+        }
+        // SAFETY: the camera is open.
+        self.check("starting the capture", unsafe {
+            (self.api.capture_setup)(self.raw(), BUFFER_COUNT, CAPTURE_DEFAULT)
+        })?;
+        self.capturing = true;
+        Ok(())
+    }
+
+    /// Ends transmission and transfer of frames.
+    pub(super) fn stop_capture(&mut self) -> Result<(), DeviceError> {
+        self.set(
+            "ending the transmission",
+            OFF,
+            self.api.video_set_transmission,
+        )?;
+        if !self.capturing {
+            return Ok(());
+        }
+        if self.is_usb {
+            // The library frees its requests for frames after it has closed the device that they refer to. This is right only for
+            // requests that wait; those that have a frame are made again here.
+            for _ in 0..2 * BUFFER_COUNT {
+                if self.take(|_| ())?.is_none() {
+                    break;
+                }
+            }
+        }
+        self.capturing = false;
+        // SAFETY: the camera is open, and no frame of it is used any more.
+        self.check("stopping the capture", unsafe {
+            (self.api.capture_stop)(self.raw())
+        })
+    }
+
+    /// Returns the file that can be read when there is a frame, while frames are captured.
+    pub(super) fn file(&self) -> Option<BorrowedFd<'_>> {
+        if !self.capturing {
+            return None;
+        }
+        // SAFETY: the camera is open.
+        let file = unsafe { (self.api.capture_get_fileno)(self.raw()) };
+        // SAFETY: the library keeps the file open until the capture is stopped, for which the camera is borrowed mutably.
+        (file >= 0).then(|| unsafe { BorrowedFd::borrow_raw(file) })
+    }
+
+    /// Hands a frame to `use_frame`, if there is one, and gives it back to the library. Does not wait.
+    pub(super) fn take<T>(
+        &mut self,
+        use_frame: impl FnOnce(&FrameView<'_>) -> T,
+    ) -> Result<Option<T>, DeviceError> {
+        if !self.capturing {
+            return Ok(None);
+        }
+        let step = "taking an image";
+        let mut frame: *mut VideoFrame = std::ptr::null_mut();
+        // SAFETY: the camera is open and captures.
+        self.check(step, unsafe {
+            (self.api.capture_dequeue)(self.raw(), POLICY_POLL, &mut frame)
+        })?;
+        let Some(pointer) = NonNull::new(frame) else {
+            return Ok(None);
+        };
+        // SAFETY: the frame is the library's, and stays as it is until it is given back.
+        let (frame, damaged) = unsafe {
+            let damaged = (self.api.capture_is_frame_corrupt)(self.raw(), pointer.as_ptr());
+            (pointer.as_ref(), damaged != 0)
+        };
+        // The capture was started only for buffers within the limit.
+        let length = usize::try_from(frame.total_bytes).unwrap_or(0);
+        let bytes = match frame.image.is_null() {
+            true => &[],
+            // SAFETY: the buffer of a frame has `total_bytes`, and the library writes to it only after it is given back.
+            false => unsafe {
+                std::slice::from_raw_parts(frame.image, length.min(MAX_BUFFER_BYTES))
+            },
+        };
+        let used = use_frame(&FrameView {
+            bytes,
+            size: (frame.size[0], frame.size[1]),
+            coding: frame.color_coding,
+            filter: frame.color_filter,
+            depth: frame.data_depth,
+            little_endian: frame.little_endian != 0,
+            packet_bytes: frame.packet_size,
+            damaged,
+        });
+        // SAFETY: the frame is one that the library handed out, and is not used any more.
+        let back = unsafe { (self.api.capture_enqueue)(self.raw(), pointer.as_ptr()) };
+        self.check("giving a buffer back", back)?;
+        Ok(Some(used))
+    }
+}
+
+impl Drop for OpenedCamera {
+    fn drop(&mut self) {
+        if let Err(error) = self.stop_capture() {
+            // An unplugged camera hears nothing.
+            tracing::debug!("{}: {error}", self.peer);
+            if self.is_usb && self.capturing {
+                // Its requests for frames have ended with an error, so that the library would read freed memory. Its buffers and its
+                // thread stay instead.
+                tracing::debug!(
+                    "{}: the library's buffers of a lost camera are left behind",
+                    self.peer
+                );
+                return;
+            }
+            // SAFETY: the camera is open, and no frame of it is used any more.
+            unsafe { (self.api.capture_stop)(self.raw()) };
+        }
+        // SAFETY: camera and context are the library's, and are not used any more.
+        unsafe {
+            (self.api.camera_free)(self.raw());
+            (self.api.free)(self.context.as_ptr());
+        }
+    }
+}
+
+/// Returns the numbers of the cameras that are plugged in.
+fn guids(api: &Functions, context: NonNull<Context>) -> Vec<u64> {
+    let mut list: *mut CameraList = std::ptr::null_mut();
+    // SAFETY: the context is the library's; it makes a list, which is freed below.
+    unsafe {
+        if (api.camera_enumerate)(context.as_ptr(), &mut list) != 0 || list.is_null() {
+            return Vec::new();
+        }
+        let count = if (*list).ids.is_null() {
+            0
+        } else {
+            (*list).count as usize
+        };
+        let ids = (0..count.min(MAX_CAMERAS)).map(|place| (*(*list).ids.add(place)).guid);
+        let guids = ids.collect();
+        (api.camera_free_list)(list);
+        guids
+    }
+}
