@@ -27,6 +27,7 @@
 //! | `barrett` | [`wam`], [`embedded`], [`can`], the drivers and simulations of [`hand`], and the mathematics of an arm |
 //! | `image-files` | PNG and JPEG images for [`camera`], besides PPM and PGM |
 //! | `v4l2` | cameras of a Linux machine for [`camera`] |
+//! | `dc1394` | IIDC cameras on IEEE 1394 and USB for [`camera`], with the system's libdc1394 |
 //!
 //! No feature is on by default: then this crate is the interfaces, [`Device`], [`checks`], [`guard`], [`remapper`], and
 //! the simulated devices of [`fake`] and [`camera`].
@@ -64,6 +65,7 @@ pub mod guard;
 pub mod hand;
 pub mod iface;
 pub mod image;
+mod imu_layout;
 #[cfg(feature = "barrett")]
 mod inheriting_mutex;
 #[cfg(feature = "barrett")]

@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use crate::clock::{self, TimeSource};
-use crate::sensors::imu_channels::{CHANNELS, KINDS};
+use crate::imu_layout::{CHANNELS, KINDS};
 use crate::{AnalogSensors, Device, GenericSensor, SensorInfo, SensorKind, SensorReading};
 
 /// Gravity that stock's sensor measures, m/s².

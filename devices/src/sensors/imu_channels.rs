@@ -2,20 +2,10 @@
 
 use std::sync::Arc;
 
+use crate::imu_layout::{CHANNELS, KINDS};
 use crate::{
-    AnalogSensor, AnalogSensors, Device, DeviceError, GenericSensor, SensorKind, SensorReading,
-    SensorStatus,
+    AnalogSensor, AnalogSensors, Device, DeviceError, GenericSensor, SensorReading, SensorStatus,
 };
-
-/// Kinds of sensors in the order of their channels, three of each.
-pub(crate) const KINDS: [SensorKind; 4] = [
-    SensorKind::Orientation,
-    SensorKind::LinearAccelerometer,
-    SensorKind::Gyroscope,
-    SensorKind::Magnetometer,
-];
-/// Number of channels.
-pub(crate) const CHANNELS: usize = 3 * KINDS.len();
 
 /// The inertial sensors of a device as the twelve channels of YARP 3.x (`IGenericSensor`): orientation (roll, pitch, yaw
 /// in degrees), acceleration (m/s²), angular velocity (deg/s), magnetic field (tesla).
@@ -112,6 +102,7 @@ impl Device for ImuChannels {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::SensorKind;
     use crate::fake::ConstantSensors;
 
     #[test]

@@ -9,7 +9,7 @@
 //! | `imu_channels` | an inertial sensor as the twelve channels of 3.x |
 
 mod channel_sensor;
-pub(crate) mod imu_channels;
+mod imu_channels;
 mod sensor_remapper;
 mod simulated_sensors;
 mod tool_motion_state;
