@@ -7,7 +7,8 @@
 #   make test-live  ours against stock YARP 3.5.0, which is built first if it is not there
 #   make test-gui   stock's yarpmotorgui and yarpview on our devices, by hand: builds them with Qt first
 #   make test-can   the CAN driver of the arm on a bus of Debian's kernel, booted in QEMU (about a minute)
-#   make test-camera  the camera driver on the virtual camera of Debian's kernel, booted in QEMU (about a minute)
+#   make test-camera  the drivers of cameras on the virtual camera and the virtual USB of Debian's kernel, booted in QEMU (about two minutes)
+#   make test-iidc    the second half of it: the driver of IIDC cameras
 #   make test-rt    the arm's real-time settings on Debian's kernel with PREEMPT_RT and on the ordinary one, by hand
 #   make soak       100 000 connections that come and go leave nothing behind
 #   make abuse      16 MB of each kind of abuse against a running arm: its memory, round trips and state stream
@@ -40,7 +41,7 @@ export RUST_TEST_THREADS
 # The oldest Rust that builds the workspace; the manifest promises it.
 OLDEST_RUST := $(shell sed -n 's/^rust-version = "\(.*\)"/\1/p' Cargo.toml)
 
-.PHONY: msrv run tidy build features package test test-etcd test-live test-gui test-can test-camera test-rt soak idle hour bench check deny setup setup-vision stock abuse
+.PHONY: msrv run tidy build features package test test-etcd test-live test-gui test-can test-camera test-iidc test-rt soak idle hour bench check deny setup setup-vision stock abuse
 
 run: build
 	target/release/yarp up
@@ -111,6 +112,10 @@ test-can: setup
 
 test-camera: setup
 	conformance/camera/run.sh
+	conformance/iidc/run.sh
+
+test-iidc: setup
+	conformance/iidc/run.sh
 
 # By hand: prints the delays of both kernels, and asserts none.
 test-rt: setup

@@ -8,4 +8,4 @@ if [ -z "$(library)" ]; then
     if [ "$(id -u)" = 0 ]; then as_root=""; else as_root="sudo"; fi
     $as_root apt-get install -y -q --no-install-recommends libdc1394-25 </dev/null
 fi
-LIBRARIES="$(library)" DEADLINE="${IIDC_DEADLINE:-600}" conformance/kernel/boot.sh iidc iidc_on_usb conformance/iidc
+LIBRARIES="$(library)" DEADLINE="${CAMERA_DEADLINE:-600}" conformance/kernel/boot.sh iidc iidc_on_usb conformance/iidc

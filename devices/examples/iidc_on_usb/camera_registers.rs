@@ -42,6 +42,8 @@ pub(crate) struct Registers {
     rom: Vec<u32>,
     /// Writes of settings of format 7 that the camera has refused.
     refused: bool,
+    /// Packets of a frame that the camera claims, instead of those that it sends.
+    pub(crate) claimed_packets: Option<u32>,
 }
 
 fn leaf(words: &str) -> Vec<u32> {
@@ -92,6 +94,7 @@ impl Default for Registers {
             values: BTreeMap::new(),
             rom: rom(),
             refused: false,
+            claimed_packets: None,
         };
         registers.initialize();
         registers
@@ -273,6 +276,7 @@ impl Registers {
         if let Some(place) = address.checked_sub(BASE) {
             return (place < 0x5000).then(|| match place {
                 place if place == SCALABLE + 0x7c => 1 << 31 | u32::from(self.refused) << 23,
+                place if place == SCALABLE + 0x48 => self.claimed_packets.unwrap_or(self.at(place)),
                 place => self.at(place),
             });
         }

@@ -27,6 +27,7 @@ pub(crate) const ALL: &[(&str, fn())] = &[
         "images_are_those_that_were_sent",
         images_are_those_that_were_sent,
     ),
+    ("raw_and_mirrored_images", raw_and_mirrored_images),
     (
         "modes_and_rates_reach_the_registers",
         modes_and_rates_reach_the_registers,
@@ -47,6 +48,10 @@ pub(crate) const ALL: &[(&str, fn())] = &[
     (
         "a_camera_without_images_does_not_start",
         a_camera_without_images_does_not_start,
+    ),
+    (
+        "a_claim_of_huge_frames_is_refused",
+        a_claim_of_huge_frames_is_refused,
     ),
     (
         "an_unplugged_camera_comes_back",
@@ -314,6 +319,10 @@ fn images_are_those_that_were_sent() {
         );
         assert_eq!(camera.color_coding().unwrap(), coding);
     }
+}
+
+fn raw_and_mirrored_images() {
+    let _plugged = plug_in();
     // Values behind the filter, and the colour of one of them.
     let window = Window {
         width: 160,
@@ -712,6 +721,31 @@ fn a_camera_without_images_does_not_start() {
     let words = refusal(options().frame_timeout(Duration::from_millis(300)));
     assert!(words.contains("no image within 300ms"), "{words}");
     assert!(!plugged.state().registers.is_sending());
+}
+
+fn a_claim_of_huge_frames_is_refused() {
+    let plugged = plug_in();
+    let format = IidcFormat::Scalable {
+        mode: FORMAT_7,
+        coding: 0,
+        window: Window::default(),
+    };
+    let options = || IidcOptions::new().format(format).rate(30.0);
+    plugged.state().registers.claimed_packets = Some(u32::MAX);
+    let words = refusal(options());
+    assert!(
+        words.contains("bytes for an image, expected 1 to"),
+        "{words}"
+    );
+    plugged.state().registers.claimed_packets = None;
+    next_frame(&start(options()));
+    // A change that is refused leaves the mode as it was.
+    let camera = start(self::options());
+    plugged.state().registers.claimed_packets = Some(u32::MAX);
+    let words = chain(&camera.set_video_mode(FORMAT_7).unwrap_err());
+    assert!(words.contains("bytes for an image"), "{words}");
+    assert_eq!(plugged.state().registers.video(), (0, 0, 4));
+    check_image(&next_frame(&camera).image, (160, 120), false, "still");
 }
 
 fn an_unplugged_camera_comes_back() {

@@ -132,7 +132,7 @@ impl Link {
                     let before = waiting.len();
                     waiting.retain(|(waiter, _)| *waiter != word(20));
                     let found = waiting.len() < before;
-                    drop(waiting);
+                    // Before any other answer: one that is sent after this would be to a request that the kernel no longer has.
                     self.send([4, number], if found { UNLINKED } else { 0 }, &[], 0)
                 }
                 _ => return,
@@ -206,8 +206,8 @@ impl Link {
                 let mut state = lock(state);
                 let sending = state.registers.is_sending() && !state.is_silent;
                 let sending = state.registers.sending().filter(|_| sending);
-                let request = sending.and_then(|_| lock(&self.waiting).pop_front());
-                sending.zip(request).map(|(sending, request)| {
+                let sending = sending.filter(|_| !lock(&self.waiting).is_empty());
+                sending.map(|sending| {
                     state.frames += 1;
                     let number = state.frames;
                     let is_cut = number.checked_rem(state.truncate_every) == Some(0);
@@ -215,10 +215,10 @@ impl Link {
                         state.truncated.push(number);
                     }
                     let brightness = (state.registers.feature(0) & 0xfff) as i32 - 128;
-                    (sending, request, number, brightness, is_cut)
+                    (sending, number, brightness, is_cut)
                 })
             };
-            let Some((sending, (request, length), number, brightness, is_cut)) = sent else {
+            let Some((sending, number, brightness, is_cut)) = sent else {
                 if self.is_unplugged.load(Ordering::Acquire) {
                     return;
                 }
@@ -237,10 +237,14 @@ impl Link {
             if is_cut {
                 bytes.truncate(bytes.len() / 3);
             }
-            bytes.truncate(length);
-            if self.send([3, request], 0, &bytes, bytes.len()).is_err() {
-                return;
+            let mut waiting = lock(&self.waiting);
+            if let Some((request, length)) = waiting.pop_front() {
+                bytes.truncate(length);
+                if self.send([3, request], 0, &bytes, bytes.len()).is_err() {
+                    return;
+                }
             }
+            drop(waiting);
             next = Instant::now().max(next + Duration::from_micros(sending.interval_us));
             thread::sleep(next.saturating_duration_since(Instant::now()));
         }

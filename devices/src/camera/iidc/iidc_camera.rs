@@ -4,10 +4,10 @@ use std::sync::Arc;
 use std::sync::mpsc::sync_channel;
 
 use super::IidcOptions;
-use super::capture_thread::{CALL_TIMEOUT, CaptureThread, Shared, TaskSender, task_queue};
-use super::session::Session;
+use super::iidc_session::Session;
+use super::iidc_thread::{CALL_TIMEOUT, CaptureThread, Shared, TaskSender, task_queue};
 use crate::camera::hardware::{CaptureHandle, Lens, check_mirror};
-use crate::image::{Frame, PixelFormat};
+use crate::image::Frame;
 use crate::{
     CameraConfiguration, CameraDescription, Device, DeviceError, Feature, FeatureMode,
     FrameGrabberControls, FrameGrabberImage, FrameGrabberImageRaw, Intrinsics, RgbVisualParams,
@@ -53,7 +53,7 @@ impl IidcCamera {
         let common = options.common.clone();
         let shared = Shared::new(&device, common.mirrored, common.frame_timeout);
         let shared = Arc::new(shared);
-        let (tasks, queue) = task_queue(&device)?;
+        let (tasks, queue) = task_queue(&device, CALL_TIMEOUT)?;
         let session_shared = Arc::clone(&shared);
         let (opened, outcome) = sync_channel(1);
         let thread = CaptureHandle::start(&shared.capture, move || {
@@ -198,20 +198,7 @@ impl FrameGrabberControls for IidcCamera {
 
 impl RgbVisualParams for IidcCamera {
     fn supported_configurations(&self) -> Result<Vec<CameraConfiguration>, DeviceError> {
-        let sizes = self.run(|session| session.sizes())?;
-        let mut configurations: Vec<CameraConfiguration> = Vec::new();
-        for ((width, height), rate) in sizes {
-            let configuration = CameraConfiguration {
-                width,
-                height,
-                rate,
-                format: PixelFormat::Rgb,
-            };
-            if !configurations.contains(&configuration) {
-                configurations.push(configuration);
-            }
-        }
-        Ok(configurations)
+        self.run(|session| session.sizes())
     }
 
     fn resolution(&self) -> Result<(usize, usize), DeviceError> {

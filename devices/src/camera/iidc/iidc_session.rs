@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::bindings::{FIRST_CODING, FIRST_MODE, FIRST_RATE, OPERATION_MODE_LEGACY, RECOMMENDED};
-use super::capture_thread::Shared;
 use super::frame_conversion::{Coding, FrameError, check_buffer, checked_size};
 use super::iidc_options::FORMAT_7;
+use super::iidc_thread::Shared;
 use super::opened_camera::OpenedCamera;
 use super::session_features::ChosenFeature;
 use super::video_modes::{
@@ -14,7 +14,8 @@ use super::video_modes::{
     rate_not_above, usual_window,
 };
 use super::{IidcFormat, IidcOptions};
-use crate::{DeviceError, Feature, Window, WindowLimits};
+use crate::image::PixelFormat;
+use crate::{CameraConfiguration, DeviceError, Feature, Window, WindowLimits};
 
 const ON: i32 = 1;
 /// Settings of the maker (IIDC: memory channel 0).
@@ -112,8 +113,10 @@ impl Session {
                 self.set_starting_features();
             }
         }
-        self.video = Some(self.read_video()?);
         self.apply_features();
+        if !self.powered {
+            self.set_power(false)?;
+        }
         self.start()
     }
 
@@ -141,19 +144,16 @@ impl Session {
     fn start(&mut self) -> Result<(), DeviceError> {
         let video = self.read_video()?;
         self.check_frame_bytes(&video)?;
-        self.shared.state().size = video.size;
-        self.video = Some(video);
         let (capturing, transmitting) = (self.capturing, self.transmitting);
         let camera = self.camera_mut()?;
         if capturing {
             camera.start_capture()?;
         }
-        let on = i32::from(transmitting);
-        camera.set(
-            "starting the transmission",
-            on,
-            camera.api().video_set_transmission,
-        )
+        let set = camera.api().video_set_transmission;
+        camera.set("starting the transmission", i32::from(transmitting), set)?;
+        self.shared.state().size = video.size;
+        self.video = Some(video);
+        Ok(())
     }
 
     /// Refuses frames for which the library would allocate too much.
@@ -174,16 +174,21 @@ impl Session {
         }
     }
 
-    /// Changes something that may not be changed during a capture.
+    /// Changes something that may not be changed during a capture. What fails leaves the video mode as it was.
     fn change_video(
         &mut self,
         change: impl FnOnce(&Self) -> Result<(), DeviceError>,
     ) -> Result<(), DeviceError> {
-        let camera = self.camera_mut()?;
-        camera.stop_capture()?;
-        let outcome = change(self);
-        // Also after a refusal: the camera goes on as it was.
-        self.start()?;
+        let before = self.video;
+        self.camera_mut()?.stop_capture()?;
+        let outcome = change(self).and_then(|()| self.start());
+        if outcome.is_err() {
+            self.camera_mut()?.stop_capture()?;
+            if let Some(before) = before {
+                self.apply_video(&before)?;
+            }
+            self.start()?;
+        }
         outcome
     }
 
@@ -394,14 +399,9 @@ impl Session {
                 expected: format!("one of {}", listed(mask)),
             });
         }
-        let before = self.read_video()?;
         self.change_video(|session| {
             session.set_mode_number(mode)?;
-            let outcome = session.settle_mode(mode);
-            if outcome.is_err() {
-                session.apply_video(&before)?;
-            }
-            outcome
+            session.settle_mode(mode)
         })
     }
 
@@ -476,22 +476,34 @@ impl Session {
     }
 
     /// Returns size and highest rate of each video mode.
-    pub(super) fn sizes(&self) -> Result<Vec<((usize, usize), f64)>, DeviceError> {
+    pub(super) fn sizes(&self) -> Result<Vec<CameraConfiguration>, DeviceError> {
+        let configuration = |(width, height), rate| CameraConfiguration {
+            width,
+            height,
+            rate,
+            format: PixelFormat::Rgb,
+        };
         let mask = self.modes()?;
         let mut sizes = Vec::new();
         for mode in (0..32).filter(|mode| mask & 1 << mode != 0) {
             if mode >= FORMAT_7 {
                 let limits = self.limits_of(mode)?;
                 if let Ok(size) = checked_size(limits.width, limits.height) {
-                    sizes.push((size, self.hertz()?));
+                    sizes.push(configuration(size, self.hertz()?));
                 }
             } else if let Some((width, height, _)) = fixed_mode(mode) {
                 let rates = self.rates_of(mode)?;
                 let fastest = rates.checked_ilog2().map_or(0.0, hertz);
-                sizes.push(((width as usize, height as usize), fastest));
+                sizes.push(configuration((width as usize, height as usize), fastest));
             }
         }
-        Ok(sizes)
+        let mut distinct = Vec::new();
+        for one in sizes {
+            if !distinct.contains(&one) {
+                distinct.push(one);
+            }
+        }
+        Ok(distinct)
     }
 
     /// Returns the codings of a video mode, a mask.

@@ -9,8 +9,8 @@ use rustix::fd::OwnedFd;
 
 use super::bindings::{FIRST_CODING, FIRST_FILTER};
 use super::frame_conversion::{FrameError, FrameLayout};
+use super::iidc_session::Session;
 use super::opened_camera::FrameView;
-use super::session::Session;
 use crate::camera::LatestValue;
 use crate::camera::hardware::{CaptureState, Failure, REOPEN_INTERVAL, chain, mirrored};
 use crate::image::{Frame, Image};
@@ -67,6 +67,7 @@ pub(super) struct TaskSender {
     sender: SyncSender<Task>,
     wake: Arc<OwnedFd>,
     device: String,
+    timeout: Duration,
 }
 
 /// The thread's end of its queue of tasks.
@@ -75,8 +76,11 @@ pub(super) struct TaskQueue {
     wake: Arc<OwnedFd>,
 }
 
-/// Creates a queue of tasks.
-pub(super) fn task_queue(device: &str) -> Result<(TaskSender, TaskQueue), DeviceError> {
+/// Creates a queue of tasks, each of which is waited for until `timeout`.
+pub(super) fn task_queue(
+    device: &str,
+    timeout: Duration,
+) -> Result<(TaskSender, TaskQueue), DeviceError> {
     let wake = eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK);
     let wake = wake.map_err(|error| DeviceError::Start {
         what: "the thread of the camera",
@@ -88,6 +92,7 @@ pub(super) fn task_queue(device: &str) -> Result<(TaskSender, TaskQueue), Device
         sender,
         wake: Arc::clone(&wake),
         device: device.to_owned(),
+        timeout,
     };
     Ok((sender, TaskQueue { tasks, wake }))
 }
@@ -121,7 +126,7 @@ impl TaskSender {
         }
         // It fails only when the thread is woken anyway.
         let _ = rustix::io::write(&*self.wake, &1_u64.to_ne_bytes());
-        match result.recv_timeout(CALL_TIMEOUT) {
+        match result.recv_timeout(self.timeout) {
             Ok(result) => result,
             Err(RecvTimeoutError::Timeout) => Err(failed(
                 "waiting for the camera",
@@ -316,5 +321,73 @@ fn timed_out(timeout: Duration, defect: Option<FrameError>) -> Failure {
             None => format!("no image within {timeout:?}"),
         },
         advice: "a lower rate or a smaller size, and a bus that no other camera shares",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::thread;
+
+    use super::*;
+    use crate::camera::IidcOptions;
+
+    fn refusal(sender: &TaskSender) -> String {
+        sender.run(|_| Ok(())).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn no_more_tasks_wait_than_there_is_room_for() {
+        let (sender, queue) = task_queue("camera", CALL_TIMEOUT).unwrap();
+        thread::scope(|scope| {
+            let waiting: Vec<_> = (0..16).map(|_| scope.spawn(|| refusal(&sender))).collect();
+            // Those that wait fill the queue; the next one is refused at once.
+            yarp_testing::until_within(Duration::from_secs(10), "a full queue", || {
+                let mut count = [0; 8];
+                rustix::io::read(&*queue.wake, &mut count).ok()?;
+                let woken = u64::from_ne_bytes(count);
+                rustix::io::write(&*queue.wake, &count).ok()?;
+                (woken == 16).then_some(())
+            });
+            assert!(refusal(&sender).contains("too many requests"));
+            drop(queue);
+            for thread in waiting {
+                let words = thread.join().unwrap();
+                assert!(words.contains("starting the camera again"), "{words}");
+            }
+        });
+        assert!(refusal(&sender).contains("starting the camera again"));
+    }
+
+    #[test]
+    fn a_task_that_is_not_executed_fails_in_time() {
+        let (sender, queue) = task_queue("camera", Duration::from_millis(10)).unwrap();
+        let words = refusal(&sender);
+        assert!(words.contains("a call of its library blocks"), "{words}");
+        // Executed later, it reaches nobody.
+        let shared = Arc::new(Shared::new("camera", false, CALL_TIMEOUT));
+        let session = Session::new(IidcOptions::new(), Arc::clone(&shared));
+        let mut thread = CaptureThread::new(shared, session, queue);
+        thread.run_tasks();
+        assert!(thread.queue.tasks.try_recv().is_err());
+    }
+
+    #[test]
+    fn a_camera_that_is_not_there_says_so() {
+        let (sender, queue) = task_queue("camera", CALL_TIMEOUT).unwrap();
+        let shared = Arc::new(Shared::new("camera", false, CALL_TIMEOUT));
+        let session = Session::new(IidcOptions::new(), Arc::clone(&shared));
+        let mut thread = CaptureThread::new(shared, session, queue);
+        thread::scope(|scope| {
+            let asked = scope.spawn(|| sender.run(|session| session.mode()));
+            while !asked.is_finished() {
+                thread.wait(POLL_INTERVAL);
+                thread.run_tasks();
+            }
+            let words = asked.join().unwrap().unwrap_err().to_string();
+            assert!(
+                words.contains("whether the camera is plugged in"),
+                "{words}"
+            );
+        });
     }
 }

@@ -1,17 +1,17 @@
 //! IIDC cameras, on IEEE 1394 and USB, through libdc1394.
 //!
 //! ```text
-//! callers ──tasks──▶ capture_thread ──▶ session ──▶ opened_camera ──▶ libdc1394
-//!                    one thread owns     settings,    one call each
-//!                    the camera          features
+//! callers ──tasks──▶ iidc_thread ──▶ iidc_session ──▶ opened_camera ──▶ libdc1394
+//!                    owns the        settings,        one call each
+//!                    camera          features
 //! ```
 //!
 //! | file | content |
 //! | --- | --- |
 //! | `iidc_camera`, `iidc_firewire` | [`IidcCamera`]: the device interfaces |
 //! | `iidc_options` | [`IidcOptions`], [`IidcChoice`], [`IidcFormat`] |
-//! | `capture_thread` | takes images, executes the tasks of callers, and opens an unplugged camera again |
-//! | `session` | the camera with its settings, which are made again after it was unplugged |
+//! | `iidc_thread` | takes images, executes the tasks of callers, and opens an unplugged camera again |
+//! | `iidc_session` | the camera with its settings, which are made again after it was unplugged |
 //! | `session_features` | features as registers of the camera |
 //! | `video_modes` | sizes, codings and rates of the specification; choice among them |
 //! | `frame_conversion` | frames to images |
@@ -21,14 +21,14 @@
 //! `make test-iidc` runs it with a simulated camera on USB.
 
 mod bindings;
-mod capture_thread;
 mod frame_conversion;
 mod iidc_camera;
 mod iidc_firewire;
 mod iidc_options;
+mod iidc_session;
+mod iidc_thread;
 mod library;
 mod opened_camera;
-mod session;
 mod session_features;
 mod video_modes;
 

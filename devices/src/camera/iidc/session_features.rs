@@ -5,7 +5,7 @@
 //! when a value is set, as in stock's driver.
 
 use super::bindings::{FIRST_FEATURE, MODE_AUTO, MODE_MANUAL, MODE_ONE_PUSH};
-use super::session::Session;
+use super::iidc_session::Session;
 use crate::camera::hardware::{ControlRange, check_fraction};
 use crate::{DeviceError, Feature, FeatureMode};
 

@@ -10,7 +10,7 @@ use super::mode_selection::{Offer, Wanted};
 use super::video_driver::{FilledBuffer, OpenedDevice, VideoDriver};
 use crate::camera::hardware::{CaptureState, Failure, REOPEN_INTERVAL, mirrored};
 use crate::image::{Crop, Image};
-use crate::{CameraDescription, DeviceError, clock};
+use crate::{CameraDescription, clock};
 
 /// Longest wait for a buffer, after which the thread looks whether it shall end.
 const POLL_INTERVAL: Duration = Duration::from_millis(100);
