@@ -235,7 +235,8 @@ impl Registers {
         let depth = if coding == 5 { 12 } else { 8 };
         self.put(SCALABLE + 0x54, depth << 24);
         let (format, mode, _) = self.video();
-        let depth = if (format, mode) == (0, 6) { 12 } else { 8 };
+        let is_wide = (format, mode) == (0, 6) || (format, coding) == (7, 5);
+        let depth = if is_wide { 12 } else { 8 };
         self.put(0x630, depth << 24);
     }
 

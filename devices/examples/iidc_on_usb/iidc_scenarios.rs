@@ -359,7 +359,7 @@ fn raw_and_mirrored_images() {
         );
     }
     camera.set_mirroring(true).unwrap();
-    let swapped = wait_for("a mirrored image", || {
+    wait_for("a mirrored image", || {
         let image = next_frame(&camera).image;
         // The marks are at the right then.
         let marks = (0..MARKS).filter(|mark| {
@@ -374,7 +374,6 @@ fn raw_and_mirrored_images() {
             |(got, expected): (&u8, u8)| (i32::from(*got) - i32::from(expected)).abs() <= TOLERANCE;
         (is_inside(number, 24, 60) && pixel.iter().zip(expected).all(is_near)).then_some(())
     });
-    assert_eq!(swapped, ());
 }
 
 fn modes_and_rates_reach_the_registers() {

@@ -106,18 +106,23 @@ fn choice(parameters: &Parameters) -> Result<IidcChoice, HostError> {
     Ok(IidcChoice::Guid(number))
 }
 
+fn number(parameters: &Parameters, name: &str) -> Result<Option<u32>, HostError> {
+    let Some(value) = parameters.get::<usize>(name)? else {
+        return Ok(None);
+    };
+    let refused = |_| parameters.refuse(name, "a number of 32 bits");
+    Ok(Some(u32::try_from(value).map_err(refused)?))
+}
+
 /// Returns the video modes to try: those of `video_mode`, or else of `video_type`.
 fn formats(parameters: &Parameters) -> Result<Vec<IidcFormat>, HostError> {
     let side = |names: [&str; 2]| -> Result<Option<u32>, HostError> {
-        let first = parameters.get::<u32>(names[0])?;
-        let second = parameters.get::<u32>(names[1])?;
+        let first = number(parameters, names[0])?;
+        let second = number(parameters, names[1])?;
         Ok(first.or(second).filter(|side| *side > 0))
     };
     let (width, height) = (side(["width", "size_x"])?, side(["height", "size_y"])?);
-    let (x, y) = (
-        parameters.get::<u32>("xoff")?,
-        parameters.get::<u32>("yoff")?,
-    );
+    let (x, y) = (number(parameters, "xoff")?, number(parameters, "yoff")?);
     let is_part = [width, height, x, y].into_iter().any(|side| side.is_some());
     let window = |(usual_width, usual_height): (u32, u32)| Window {
         width: width.unwrap_or(usual_width),
@@ -125,8 +130,8 @@ fn formats(parameters: &Parameters) -> Result<Vec<IidcFormat>, HostError> {
         x: x.unwrap_or(0),
         y: y.unwrap_or(0),
     };
-    let coding = parameters.get::<u32>("coding")?;
-    if let Some(mode) = parameters.get::<u32>("video_mode")? {
+    let coding = number(parameters, "coding")?;
+    if let Some(mode) = number(parameters, "video_mode")? {
         parameters.has("video_type");
         let format = match (mode, coding) {
             (FORMAT_7..=31, Some(coding @ 0..=10)) => IidcFormat::Scalable {
@@ -276,6 +281,7 @@ mod tests {
             ("video_mode 32\ncoding 0", "24 to 31"),
             ("video_mode 5\ncoding 0", "without"),
             ("video_mode 5\nwidth 100", "without"),
+            ("width 4294967296", "32 bits"),
             ("guid eye", "hexadecimal"),
             ("guid 00B09D01006FB1FB0", "16"),
             ("white_balance 0.5", "red and blue"),
