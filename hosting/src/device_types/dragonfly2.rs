@@ -281,7 +281,7 @@ mod tests {
             ("video_mode 32\ncoding 0", "24 to 31"),
             ("video_mode 5\ncoding 0", "without"),
             ("video_mode 5\nwidth 100", "without"),
-            ("width 4294967296", "32 bits"),
+            ("width 4294967296", "whole number"),
             ("guid eye", "hexadecimal"),
             ("guid 00B09D01006FB1FB0", "16"),
             ("white_balance 0.5", "red and blue"),
