@@ -18,6 +18,8 @@ use crate::shared_parameters::flag;
 const IGNORED_PARAMETERS: [&str; 4] = ["port_number", "DR2", "use_network_time", "verbose"];
 /// First video mode with a window.
 const FORMAT_7: u32 = 24;
+/// Maximum number of digits of a camera's number of 64 bits.
+const GUID_DIGITS: usize = 16;
 /// Type that stock takes if none is given: values behind the colour filter of the sensor.
 const DEFAULT_TYPE: usize = 3;
 
@@ -100,9 +102,11 @@ fn choice(parameters: &Parameters) -> Result<IidcChoice, HostError> {
     // A number that is given wins over a place, as in stock.
     parameters.has("d");
     let digits = guid.trim_start_matches("0x");
-    let number = u64::from_str_radix(digits, 16);
+    let is_hexadecimal = digits.chars().all(|digit| digit.is_ascii_hexdigit());
+    let number = Some(digits).filter(|digits| digits.len() <= GUID_DIGITS && is_hexadecimal);
+    let number = number.and_then(|digits| u64::from_str_radix(digits, 16).ok());
     let expected = "the number of the camera, up to 16 hexadecimal digits";
-    let number = number.map_err(|_| parameters.refuse("guid", expected))?;
+    let number = number.ok_or_else(|| parameters.refuse("guid", expected))?;
     Ok(IidcChoice::Guid(number))
 }
 
@@ -283,6 +287,7 @@ mod tests {
             ("video_mode 5\nwidth 100", "without"),
             ("width 4294967296", "whole number"),
             ("guid eye", "hexadecimal"),
+            ("guid +0B09D01006FB1FB", "hexadecimal"),
             ("guid 00B09D01006FB1FB0", "16"),
             ("white_balance 0.5", "red and blue"),
             ("d left", "d"),
