@@ -14,12 +14,12 @@
 //! | `breakawayFactor` | friction at rest as a multiple of Coulomb friction, 1 or more |
 //! | `stribeckSpeed` | speed at which 37 % of the excess is left, degrees/s |
 //! | `coldMotors` | motors neither heat up nor are limited by the supply |
-//! | `supplyVoltage` | V; 0: without limit |
+//! | `supplyVoltage` | V, 30 to 57; 0: without limit |
 
 use std::time::Duration;
 
 use yarp_devices::Limits;
-use yarp_devices::simulation::{ArmEffects, CableElasticity, SimulatorOptions};
+use yarp_devices::simulation::{ArmEffects, CableElasticity, SimulatorOptions, VoltageLimits};
 use yarp_wire::settings::Parameters;
 
 use crate::HostError;
@@ -129,12 +129,17 @@ fn electric_effects(
     if flag(parameters, "coldMotors")? {
         effects.windings = None;
     }
-    let supply = number(
-        parameters,
-        "supplyVoltage",
-        Limits::new(0.0, 1000.0),
-        "a voltage of 0 to 1000 V",
-    )?;
+    // Beyond the limits of faults the safety module would never let the arm become active.
+    let limits = VoltageLimits::default();
+    let supply = match parameters.get::<f64>("supplyVoltage")? {
+        Some(0.0) => Some(0.0),
+        _ => number(
+            parameters,
+            "supplyVoltage",
+            Limits::new(limits.low_fault, limits.high_fault),
+            "a voltage of 30 to 57 V, which the safety module permits, or 0",
+        )?,
+    };
     effects.supply_voltage = supply.unwrap_or(effects.supply_voltage);
     Ok(())
 }
@@ -220,13 +225,13 @@ mod tests {
         let text = "commandLatency 0.002\nlatencyJitter 0.001\nencoderNoise 2\n\
             coggingTorques (0.1 0.2 0.3 0.4 0.5 0.6 0.7)\ntorqueRipple 0.1\ntorquePeriods (1 2 3 4 5 6 7)\n\
             cableStiffness (10 20 30 40 50 60 70)\ncableDamping (1 2 3 4 5 6 7)\n\
-            breakawayFactor 1.5\nstribeckSpeed 2\nsupplyVoltage 24\n";
+            breakawayFactor 1.5\nstribeckSpeed 2\nsupplyVoltage 36\n";
         let found = read(text).unwrap();
         assert_eq!(found.substeps, SimulatorOptions::real_arm().substeps);
         let effects = found.effects;
         let times = [effects.latency.least, effects.latency.jitter];
         assert_eq!(times, [2, 1].map(Duration::from_millis));
-        assert_eq!((effects.encoder_noise, effects.supply_voltage), (2.0, 24.0));
+        assert_eq!((effects.encoder_noise, effects.supply_voltage), (2.0, 36.0));
         let last = effects.torque_variation[6];
         assert_eq!(
             (last.cogging, last.ripple, last.periods_per_turn),
@@ -239,6 +244,8 @@ mod tests {
             (stiction.breakaway, stiction.stribeck_speed),
             (1.5, 2_f64.to_radians())
         );
+        let unlimited = read("supplyVoltage 0").unwrap();
+        assert_eq!(unlimited.effects.supply_voltage, 0.0);
         let without = read("effects real\nrigidCables\ncoldMotors\n")
             .unwrap()
             .effects;
@@ -259,7 +266,9 @@ mod tests {
             ("cableDamping (1)", "7 dampings"),
             ("breakawayFactor 0.5", "1 to 10"),
             ("stribeckSpeed 0", "degrees/s"),
-            ("supplyVoltage -1", "0 to 1000 V"),
+            ("supplyVoltage -1", "30 to 57 V"),
+            ("supplyVoltage 29", "30 to 57 V"),
+            ("supplyVoltage 58", "30 to 57 V"),
         ] {
             let refused = read(text).expect_err(text);
             assert!(refused.contains(expected), "{text}: {refused}");

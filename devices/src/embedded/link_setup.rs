@@ -15,6 +15,8 @@ pub const PACKET_PORT: u16 = 4323;
 
 /// Interval between checks for new connections while nobody is connected.
 const ACCEPT_POLL_INTERVAL: Duration = Duration::from_millis(5);
+/// Maximum number of further connections that are rejected in a round, at each port: a peer that keeps connecting does not delay replies.
+const MAX_REJECTED: usize = 4;
 /// Timeout of one attempt to connect.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(1);
 
@@ -113,15 +115,19 @@ impl LinkConnector {
         Ok(pair)
     }
 
-    /// Closes connections that came while there is one.
+    /// Closes connections that came while there is one; returns their number. The rest of a flood waits for the next call.
     pub(super) fn reject_pending(&self) -> usize {
         let Self::Listening { arm, packets } = self else {
             return 0;
         };
         [arm, packets]
             .into_iter()
-            .filter(|listener| matches!(accept_newest(listener), Ok(Some(_))))
-            .count()
+            .map(|listener| {
+                (0..MAX_REJECTED)
+                    .take_while(|_| listener.accept().is_ok())
+                    .count()
+            })
+            .sum()
     }
 }
 
@@ -170,5 +176,23 @@ pub(super) fn join(thread: thread::JoinHandle<()>, what: &str) {
     thread.thread().unpark();
     if thread.join().is_err() {
         tracing::error!("{what} had panicked");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_flood_of_connections_is_rejected_a_few_at_a_time() {
+        let listening = LinkConnector::start(LinkMode::listen_on_loopback());
+        let (connector, addresses) = listening.expect("it listens");
+        let flood: Vec<_> = (0..10)
+            .map(|_| TcpStream::connect(addresses.arm).expect("it is accepted"))
+            .collect();
+        let _other = TcpStream::connect(addresses.packets).expect("it is accepted");
+        let rejected = [(); 4].map(|()| connector.reject_pending());
+        assert_eq!(rejected, [5, 4, 2, 0]);
+        drop(flood);
     }
 }
