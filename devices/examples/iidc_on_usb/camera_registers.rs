@@ -2,8 +2,10 @@
 
 use std::collections::BTreeMap;
 
-/// Number of the camera.
+/// GUID of the camera.
 pub(crate) const GUID: u64 = 0x00b0_9d01_00c0_ffee;
+/// Versions of IIDC, as the sub-version of the unit.
+pub(crate) const IIDC_1_31: u32 = 0x10;
 /// Where the command registers begin.
 const BASE: u64 = 0xffff_f0f0_0000;
 const ROM: u64 = 0xffff_f000_0400;
@@ -40,6 +42,8 @@ pub(crate) struct Sending {
 pub(crate) struct Registers {
     values: BTreeMap<u64, u32>,
     rom: Vec<u32>,
+    /// True for a camera that is off after power on and reset.
+    pub(crate) starts_off: bool,
     /// Writes of settings of format 7 that the camera has refused.
     refused: bool,
     /// Packets of a frame that the camera claims, instead of those that it sends.
@@ -58,14 +62,14 @@ fn leaf(words: &str) -> Vec<u32> {
     quads
 }
 
-fn rom() -> Vec<u32> {
+fn rom(guid: u64, sub_version: u32) -> Vec<u32> {
     let (vendor, model) = (leaf("Point Grey Research"), leaf("Simulated Chameleon"));
     let mut quads = vec![
         0x0404_0000,
         u32::from_be_bytes(*b"1394"),
         0x0000_a002,
-        (GUID >> 32) as u32,
-        GUID as u32,
+        (guid >> 32) as u32,
+        guid as u32,
         // The root directory.
         3 << 16,
         0x0300_b09d,
@@ -76,12 +80,12 @@ fn rom() -> Vec<u32> {
         0x1200_a02d,
         0x1300_0102,
         0xd400_0001,
-        // What depends on the unit: command registers, vendor, model, version 1.31.
+        // What depends on the unit: command registers, vendor, model, version.
         4 << 16,
         0x403c_0000,
         0x8100_0003,
         0x8200_0002 + vendor.len() as u32,
-        0x3800_0010,
+        0x3800_0000 | sub_version,
     ];
     quads.extend(vendor);
     quads.extend(model);
@@ -90,9 +94,17 @@ fn rom() -> Vec<u32> {
 
 impl Default for Registers {
     fn default() -> Self {
+        Self::of_camera(GUID, IIDC_1_31)
+    }
+}
+
+impl Registers {
+    /// Creates the registers of a camera with this GUID and version of IIDC.
+    pub(crate) fn of_camera(guid: u64, sub_version: u32) -> Self {
         let mut registers = Self {
             values: BTreeMap::new(),
-            rom: rom(),
+            rom: rom(guid, sub_version),
+            starts_off: false,
             refused: false,
             claimed_packets: None,
         };
@@ -149,7 +161,8 @@ impl Registers {
         )
     }
 
-    fn initialize(&mut self) {
+    /// Makes the settings that the camera has after power on.
+    pub(crate) fn initialize(&mut self) {
         self.values.clear();
         // Formats 0 and 7; modes 0, 1, 2, 5 and 6 of format 0, 0 of format 7.
         self.put(0x100, 1 << 31 | 1 << 24);
@@ -167,7 +180,7 @@ impl Registers {
         self.put(0x604, 0);
         self.put(0x608, 0);
         self.put(0x60c, 2 << 24);
-        self.put(0x610, 1 << 31);
+        self.put(0x610, u32::from(!self.starts_off) << 31);
         self.put(0x614, 0);
         // Presence, one push, on and off, automatic, manual; then the range.
         let (present, one_push, switch, auto, manual) =

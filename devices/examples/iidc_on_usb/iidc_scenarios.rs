@@ -12,7 +12,9 @@ use yarp_devices::{
     FrameGrabberImage, FrameGrabberImageRaw, RgbVisualParams, Window,
 };
 
-use super::camera_registers::{BRIGHTNESS, GAIN, GUID, PAN, SHUTTER, WHITE_BALANCE};
+use super::camera_registers::{
+    BRIGHTNESS, GAIN, GUID, IIDC_1_31, PAN, Registers, SHUTTER, WHITE_BALANCE,
+};
 use super::camera_scene::{MARK_ROWS, MARK_WIDTH, MARKS, colour, is_inside};
 use super::usb_camera::{UsbCamera, lock};
 
@@ -57,6 +59,7 @@ pub(crate) const ALL: &[(&str, fn())] = &[
         "an_unplugged_camera_comes_back",
         an_unplugged_camera_comes_back,
     ),
+    ("another_camera_is_not_taken", another_camera_is_not_taken),
     ("an_unplugged_camera_closes", an_unplugged_camera_closes),
 ];
 
@@ -92,13 +95,17 @@ fn wait_for<T>(what: &str, get: impl FnMut() -> Option<T>) -> T {
     yarp_testing::until_within(TIMEOUT, what, get)
 }
 
-/// Plugs a camera in, and waits until programs see it.
+/// Plugs a camera in, with registers as after power on, and waits until programs see it.
 fn plug_in() -> UsbCamera {
+    plug_in_with(Registers::default())
+}
+
+fn plug_in_with(registers: Registers) -> UsbCamera {
     // One that was unplugged before takes its time to go.
     wait_for("the end of the last device", || {
         (usb_devices() == 0).then_some(())
     });
-    let camera = UsbCamera::plug_in();
+    let camera = UsbCamera::plug_in(registers);
     wait_for("the device", || (usb_devices() > 0).then_some(()));
     camera
 }
@@ -788,6 +795,24 @@ fn an_unplugged_camera_comes_back() {
     camera
         .set_feature(Feature::Gain, 0.0)
         .expect("it can be set again");
+}
+
+fn another_camera_is_not_taken() {
+    let plugged = plug_in();
+    let camera = start(options());
+    camera.set_feature(Feature::Gain, 0.5).unwrap();
+    unplug(plugged);
+    let other = plug_in_with(Registers::of_camera(GUID + 1, IIDC_1_31));
+    wait_for("a look at the other camera", || {
+        let words = chain(&camera.image().err()?);
+        words.contains("00B09D0100C0FFEF").then_some(())
+    });
+    assert!(!other.state().registers.is_sending());
+    assert_eq!(other.state().registers.feature(GAIN) & 0xfff, 16);
+    unplug(other);
+    let plugged = plug_in();
+    wait_for("images again", || camera.image().ok());
+    assert_eq!(plugged.state().registers.feature(GAIN) & 0xfff, 40);
 }
 
 fn an_unplugged_camera_closes() {

@@ -32,7 +32,7 @@ pub(crate) struct State {
     pub(crate) truncated: Vec<u32>,
     /// Every so manieth frame is sent without its end; 0 is none.
     pub(crate) truncate_every: u32,
-    /// True while the camera answers nothing, and sends nothing.
+    /// True while the camera sends no images.
     pub(crate) is_silent: bool,
 }
 
@@ -56,9 +56,12 @@ pub(crate) fn lock<T>(of: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl UsbCamera {
-    /// Plugs a camera in, with registers as after power on.
-    pub(crate) fn plug_in() -> Self {
-        let state: Arc<Mutex<State>> = Arc::default();
+    /// Plugs a camera in.
+    pub(crate) fn plug_in(registers: Registers) -> Self {
+        let state = Arc::new(Mutex::new(State {
+            registers,
+            ..State::default()
+        }));
         let (near, far) = UnixStream::pair().expect("a pair of sockets");
         let link = Arc::new(Link {
             socket: far,

@@ -13,7 +13,7 @@ use super::video_modes::{
     check_window, fixed_mode, hertz, image_bytes, listed, nearest_rate, packet_bytes, packet_rate,
     rate_not_above, usual_window,
 };
-use super::{IidcFormat, IidcOptions};
+use super::{IidcChoice, IidcFormat, IidcOptions};
 use crate::image::PixelFormat;
 use crate::{CameraConfiguration, DeviceError, Feature, Window, WindowLimits};
 
@@ -52,6 +52,8 @@ pub(super) struct Session {
     options: IidcOptions,
     shared: Arc<Shared>,
     camera: Option<OpenedCamera>,
+    /// GUID of the camera that was opened first. Another camera is never opened instead of it.
+    guid: Option<u64>,
     video: Option<VideoSetting>,
     bus: BusSetting,
     pub(super) features: BTreeMap<u32, ChosenFeature>,
@@ -69,6 +71,7 @@ impl Session {
             options,
             shared,
             camera: None,
+            guid: None,
             video: None,
             bus: BusSetting::default(),
             features: BTreeMap::new(),
@@ -81,10 +84,14 @@ impl Session {
 
     /// Opens the camera, makes its settings, and starts it.
     pub(super) fn open(&mut self) -> Result<(), DeviceError> {
-        self.camera = Some(OpenedCamera::open(self.options.choice)?);
+        let choice = self.guid.map_or(self.options.choice, IidcChoice::Guid);
+        let camera = OpenedCamera::open(choice)?;
+        let guid = camera.guid();
+        self.camera = Some(camera);
         let outcome = self.set_up();
-        if outcome.is_err() {
-            self.close();
+        match outcome {
+            Ok(()) => self.guid = Some(guid),
+            Err(_) => self.close(),
         }
         outcome
     }

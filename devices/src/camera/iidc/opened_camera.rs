@@ -270,7 +270,13 @@ impl OpenedCamera {
         if code == 0 { text(name) } else { String::new() }
     }
 
-    /// Returns make and number of the camera.
+    /// Returns the GUID of the camera.
+    pub(super) fn guid(&self) -> u64 {
+        // SAFETY: the camera is open.
+        unsafe { self.camera.as_ref() }.guid
+    }
+
+    /// Returns make, model and GUID of the camera.
     pub(super) fn description(&self) -> CameraDescription {
         // SAFETY: the camera is open.
         let info = unsafe { self.camera.as_ref() };
