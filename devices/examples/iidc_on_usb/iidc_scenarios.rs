@@ -46,6 +46,7 @@ pub(crate) const ALL: &[(&str, fn())] = &[
         "frames_without_their_end_are_left_out",
         frames_without_their_end_are_left_out,
     ),
+    ("a_slow_change_is_no_failure", a_slow_change_is_no_failure),
     ("a_silent_camera_comes_back", a_silent_camera_comes_back),
     (
         "a_camera_without_images_does_not_start",
@@ -700,6 +701,21 @@ fn frames_without_their_end_are_left_out() {
 
 fn failure(camera: &IidcCamera) -> String {
     chain(&wait_for("the failure", || camera.image().err()))
+}
+
+fn a_slow_change_is_no_failure() {
+    let plugged = plug_in();
+    let camera = start(options().frame_timeout(Duration::from_secs(1)));
+    // The registers of a change take longer than the timeout of images.
+    plugged.state().latency = Some(Duration::from_millis(80));
+    plugged.state().first_frame_after = Duration::from_millis(300);
+    camera.set_video_mode(1).expect("it has the mode");
+    plugged.state().latency = None;
+    wait_for("the new size", || {
+        let image = camera.image();
+        let image = image.unwrap_or_else(|error| panic!("{}", chain(&error)));
+        (image.image.width() == 320).then_some(())
+    });
 }
 
 fn a_silent_camera_comes_back() {

@@ -17,8 +17,8 @@ use super::usb_descriptors;
 const ATTACH: &str = "/sys/devices/platform/vhci_hcd.0/attach";
 /// Number of the speed "high" in the kernel's `enum usb_device_speed`.
 const HIGH_SPEED: u32 = 3;
-/// Time that the camera needs to answer.
-const LATENCY: Duration = Duration::from_micros(300);
+/// Time that a camera usually needs to answer.
+const USUAL_LATENCY: Duration = Duration::from_micros(300);
 const STALL: i32 = -32;
 const UNLINKED: i32 = -104;
 
@@ -32,6 +32,10 @@ pub(crate) struct State {
     pub(crate) truncated: Vec<u32>,
     /// Every so manieth frame is sent without its end; 0 is none.
     pub(crate) truncate_every: u32,
+    /// Time that the camera needs to answer, if it is not the usual one.
+    pub(crate) latency: Option<Duration>,
+    /// Time from the start of the transmission to the first frame.
+    pub(crate) first_frame_after: Duration,
     /// True while the camera sends no images.
     pub(crate) is_silent: bool,
 }
@@ -161,7 +165,8 @@ impl Link {
         }
         let mut data = vec![0; if is_in { 0 } else { length }];
         (&self.socket).read_exact(&mut data)?;
-        thread::sleep(LATENCY);
+        let latency = lock(state).latency;
+        thread::sleep(latency.unwrap_or(USUAL_LATENCY));
         let mut state = lock(state);
         let [
             kind,
@@ -204,10 +209,19 @@ impl Link {
     fn send_frames(&self, state: &Mutex<State>) {
         let mut noise = Noise(0x1394_1394);
         let mut next = Instant::now();
+        let mut was_sending = false;
         loop {
             let sent = {
                 let mut state = lock(state);
                 let sending = state.registers.is_sending() && !state.is_silent;
+                if sending && !was_sending {
+                    let pause = state.first_frame_after;
+                    drop(state);
+                    thread::sleep(pause);
+                    was_sending = true;
+                    continue;
+                }
+                was_sending = sending;
                 let sending = state.registers.sending().filter(|_| sending);
                 let sending = sending.filter(|_| !lock(&self.waiting).is_empty());
                 sending.map(|sending| {

@@ -57,6 +57,8 @@ pub(super) struct Session {
     video: Option<VideoSetting>,
     bus: BusSetting,
     pub(super) features: BTreeMap<u32, ChosenFeature>,
+    /// Number of starts of the capture.
+    pub(super) starts: u64,
     transmitting: bool,
     powered: bool,
     capturing: bool,
@@ -75,6 +77,7 @@ impl Session {
             video: None,
             bus: BusSetting::default(),
             features: BTreeMap::new(),
+            starts: 0,
             transmitting: true,
             powered: true,
             capturing: true,
@@ -158,6 +161,7 @@ impl Session {
         }
         let set = camera.api().video_set_transmission;
         camera.set("starting the transmission", i32::from(transmitting), set)?;
+        self.starts += 1;
         self.shared.state().size = video.size;
         self.video = Some(video);
         Ok(())

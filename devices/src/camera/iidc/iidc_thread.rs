@@ -18,13 +18,19 @@ use crate::{CameraDescription, DeviceError, clock};
 
 /// Longest wait for a frame or a task, after which the thread looks whether it shall end.
 const POLL_INTERVAL: Duration = Duration::from_millis(100);
-/// Maximum time that a caller waits for the execution of its task: ten accesses to registers that the camera does not answer.
+/// Maximum time that a caller waits for its task, with those before it. A task takes tens of accesses to registers, of about a
+/// millisecond each; it ends at the first that fails, which on USB takes the library 1 s if the camera does not answer. More than that is a
+/// call that blocks: the handshake of format 7 has no timeout.
 pub(super) const CALL_TIMEOUT: Duration = Duration::from_secs(10);
 /// Maximum number of tasks that wait.
 const MAX_TASKS: usize = 16;
 
 /// A task of a caller.
-type Task = Box<dyn FnOnce(&mut Session) + Send>;
+struct Task {
+    /// Time at which the caller stops waiting.
+    deadline: Instant,
+    run: Box<dyn FnOnce(&mut Session) + Send>,
+}
 
 /// State that the thread shares with the callers.
 pub(super) struct Shared {
@@ -110,10 +116,12 @@ impl TaskSender {
             source: None,
         };
         let (reply, result) = sync_channel(1);
-        let task: Task = Box::new(move |session| {
-            // A caller whose time is over has gone.
+        let deadline = Instant::now() + self.timeout;
+        let run = Box::new(move |session: &mut Session| {
+            // A caller whose task took too long is not there any more.
             let _ = reply.try_send(task(session));
         });
+        let task = Task { deadline, run };
         match self.sender.try_send(task) {
             Ok(()) => {}
             Err(TrySendError::Full(_)) => {
@@ -194,7 +202,7 @@ impl CaptureThread {
                 return;
             }
             self.wait(rest.min(POLL_INTERVAL));
-            self.run_tasks();
+            self.run_task();
         }
     }
 
@@ -213,15 +221,18 @@ impl CaptureThread {
         };
     }
 
-    fn run_tasks(&mut self) {
+    /// Executes the next task, if there is one. Skips a task whose caller has stopped waiting.
+    fn run_task(&mut self) {
         let mut count = [0; 8];
         // Nothing is there to read when nobody has woken the thread.
         let _ = rustix::io::read(&*self.queue.wake, &mut count);
-        for _ in 0..MAX_TASKS {
-            let Ok(task) = self.queue.tasks.try_recv() else {
-                return;
-            };
-            task(&mut self.session);
+        let Ok(task) = self.queue.tasks.try_recv() else {
+            return;
+        };
+        // The next round looks for the next task without waiting.
+        let _ = rustix::io::write(&*self.queue.wake, &1_u64.to_ne_bytes());
+        if Instant::now() < task.deadline {
+            (task.run)(&mut self.session);
         }
     }
 
@@ -231,7 +242,13 @@ impl CaptureThread {
         let mut defect: Option<FrameError> = None;
         while !self.shared.capture.is_ending() {
             self.wait(POLL_INTERVAL);
-            self.run_tasks();
+            let (before, starts) = (Instant::now(), self.session.starts);
+            self.run_task();
+            // No image is taken during a task, and the camera begins anew when the capture was started again.
+            last_image = match self.session.starts == starts {
+                true => last_image + before.elapsed(),
+                false => Instant::now(),
+            };
             match self.take().map_err(|error| of_stream(&error))? {
                 Some(Ok(())) => {
                     last_image = Instant::now();
@@ -326,6 +343,7 @@ fn timed_out(timeout: Duration, defect: Option<FrameError>) -> Failure {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
     use std::thread;
 
     use super::*;
@@ -363,12 +381,52 @@ mod tests {
         let (sender, queue) = task_queue("camera", Duration::from_millis(10)).unwrap();
         let words = refusal(&sender);
         assert!(words.contains("a call of its library blocks"), "{words}");
-        // Executed later, it reaches nobody.
+        let executed = Arc::new(AtomicBool::new(false));
+        let by_task = Arc::clone(&executed);
+        let outcome = sender.run(move |_| {
+            by_task.store(true, Ordering::Release);
+            Ok(())
+        });
+        assert!(outcome.is_err());
+        // It is not executed later, when the caller may have asked for something else.
         let shared = Arc::new(Shared::new("camera", false, CALL_TIMEOUT));
         let session = Session::new(IidcOptions::new(), Arc::clone(&shared));
         let mut thread = CaptureThread::new(shared, session, queue);
-        thread.run_tasks();
+        thread.run_task();
+        thread.run_task();
         assert!(thread.queue.tasks.try_recv().is_err());
+        assert!(!executed.load(Ordering::Acquire));
+    }
+
+    #[test]
+    fn one_task_is_executed_in_a_round() {
+        let (sender, queue) = task_queue("camera", CALL_TIMEOUT).unwrap();
+        let shared = Arc::new(Shared::new("camera", false, CALL_TIMEOUT));
+        let session = Session::new(IidcOptions::new(), Arc::clone(&shared));
+        let mut thread = CaptureThread::new(shared, session, queue);
+        let count = Arc::new(AtomicUsize::new(0));
+        thread::scope(|scope| {
+            for _ in 0..3 {
+                let (sender, count) = (&sender, Arc::clone(&count));
+                scope.spawn(move || {
+                    sender.run(move |_| {
+                        count.fetch_add(1, Ordering::AcqRel);
+                        Ok(())
+                    })
+                });
+            }
+            for executed in 1..=3 {
+                yarp_testing::until_within(Duration::from_secs(10), "a task", || {
+                    thread.run_task();
+                    (count.load(Ordering::Acquire) > executed - 1).then_some(())
+                });
+                assert_eq!(count.load(Ordering::Acquire), executed);
+                // The thread does not wait while there are tasks, nor when it looks whether there are.
+                let files = &mut [PollFd::new(&*thread.queue.wake, PollFlags::IN)];
+                let woken = poll(files, Some(&Timespec::default())).unwrap();
+                assert_eq!(woken, 1);
+            }
+        });
     }
 
     #[test]
@@ -381,7 +439,7 @@ mod tests {
             let asked = scope.spawn(|| sender.run(|session| session.mode()));
             while !asked.is_finished() {
                 thread.wait(POLL_INTERVAL);
-                thread.run_tasks();
+                thread.run_task();
             }
             let words = asked.join().unwrap().unwrap_err().to_string();
             assert!(
