@@ -43,6 +43,10 @@ pub(crate) const ALL: &[(&str, fn())] = &[
         a_camera_that_is_switched_off_sends_nothing,
     ),
     (
+        "a_camera_that_was_off_is_switched_on",
+        a_camera_that_was_off_is_switched_on,
+    ),
+    (
         "frames_without_their_end_are_left_out",
         frames_without_their_end_are_left_out,
     ),
@@ -678,6 +682,18 @@ fn a_camera_that_is_switched_off_sends_nothing() {
     camera.set_capture(false).expect("it can");
     check_rest(&plugged, &camera, "no capture");
     camera.set_capture(true).expect("it can");
+    next_frame(&camera);
+}
+
+fn a_camera_that_was_off_is_switched_on() {
+    let mut registers = Registers::default();
+    registers.starts_off = true;
+    registers.initialize();
+    let plugged = plug_in_with(registers);
+    let camera = start(options());
+    next_frame(&camera);
+    camera.reset().expect("it can be reset");
+    assert!(plugged.state().registers.is_sending());
     next_frame(&camera);
 }
 

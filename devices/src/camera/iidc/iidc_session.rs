@@ -100,6 +100,7 @@ impl Session {
     }
 
     fn set_up(&mut self) -> Result<(), DeviceError> {
+        self.switch_on()?;
         // A program that ended without closing it may have left it sending.
         self.camera_mut()?.stop_capture()?;
         let camera = self.camera()?;
@@ -128,6 +129,16 @@ impl Session {
             self.set_power(false)?;
         }
         self.start()
+    }
+
+    /// Switches a camera on that can be off, unless a caller has switched it off.
+    fn switch_on(&self) -> Result<(), DeviceError> {
+        let camera = self.camera()?;
+        if !self.powered || !camera.has_power_switch() {
+            return Ok(());
+        }
+        let set = camera.api().camera_set_power;
+        camera.set("switching the camera on", ON, set)
     }
 
     /// Closes the camera, which ends its transmission.
@@ -799,6 +810,7 @@ impl Session {
         self.features.clear();
         self.change_video(|session| {
             change(session.camera()?)?;
+            session.switch_on()?;
             session.choose_video()
         })?;
         self.set_starting_features();
