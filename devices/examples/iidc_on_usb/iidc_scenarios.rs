@@ -64,6 +64,10 @@ pub(crate) const ALL: &[(&str, fn())] = &[
         "an_unplugged_camera_comes_back",
         an_unplugged_camera_comes_back,
     ),
+    (
+        "a_camera_that_refuses_its_end_is_closed",
+        a_camera_that_refuses_its_end_is_closed,
+    ),
     ("another_camera_is_not_taken", another_camera_is_not_taken),
     ("an_unplugged_camera_closes", an_unplugged_camera_closes),
 ];
@@ -827,6 +831,38 @@ fn an_unplugged_camera_comes_back() {
     camera
         .set_feature(Feature::Gain, 0.0)
         .expect("it can be set again");
+}
+
+/// Returns the number of files and threads of this process.
+fn resources() -> (usize, usize) {
+    let count = |folder| std::fs::read_dir(folder).expect("proc is mounted").count();
+    (count("/proc/self/fd"), count("/proc/self/task"))
+}
+
+fn a_camera_that_refuses_its_end_is_closed() {
+    let plugged = plug_in();
+    drop(start(options()));
+    let before = resources();
+    // The first attempt fails, or all do; the camera is plugged in all the time.
+    for refused in [1, 100] {
+        let camera = start(options());
+        next_frame(&camera);
+        plugged.state().refused_writes = refused;
+        drop(camera);
+        assert!(plugged.state().refused_writes < refused);
+        plugged.state().refused_writes = 0;
+        assert_eq!(resources(), before, "{refused} refused");
+        if refused == 1 {
+            assert!(!plugged.state().registers.is_sending());
+        }
+    }
+    let camera = start(options());
+    check_image(
+        &next_frame(&camera).image,
+        (160, 120),
+        false,
+        "opened again",
+    );
 }
 
 fn another_camera_is_not_taken() {

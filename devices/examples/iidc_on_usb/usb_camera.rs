@@ -32,6 +32,8 @@ pub(crate) struct State {
     pub(crate) truncated: Vec<u32>,
     /// Every so manieth frame is sent without its end; 0 is none.
     pub(crate) truncate_every: u32,
+    /// Number of writes to registers that the camera refuses.
+    pub(crate) refused_writes: u32,
     /// Time that the camera needs to answer, if it is not the usual one.
     pub(crate) latency: Option<Duration>,
     /// Time from the start of the transmission to the first frame.
@@ -184,6 +186,10 @@ impl Link {
                 .registers
                 .read(address)
                 .map(|value| value.to_le_bytes().to_vec()),
+            (0x40, 0x7f) if state.refused_writes > 0 => {
+                state.refused_writes -= 1;
+                None
+            }
             (0x40, 0x7f) => {
                 let value = data
                     .first_chunk::<4>()

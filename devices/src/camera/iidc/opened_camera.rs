@@ -5,6 +5,7 @@
 use std::ffi::c_int;
 use std::os::fd::BorrowedFd;
 use std::ptr::NonNull;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::IidcChoice;
 use super::bindings::{
@@ -19,8 +20,16 @@ use crate::{Bus, CameraDescription, DeviceError};
 const BUFFER_COUNT: u32 = 4;
 /// Maximum number of cameras among which one is looked for: the addresses of a bus of IEEE 1394.
 const MAX_CAMERAS: usize = 63;
+/// Maximum number of attempts to end the transmission of a camera that is closed.
+const STOP_ATTEMPTS: usize = 3;
+/// Maximum number of lost cameras of which objects of the library stay behind in the process: about 10 file descriptors each, of
+/// usually 1024.
+const MAX_LEFT_BEHIND: usize = 16;
 const OFF: c_int = 0;
 const ADVICE: &str = "whether the camera is plugged in, and another value or video mode";
+
+/// Number of lost cameras of which objects of the library have stayed behind in the process.
+static LEFT_BEHIND: AtomicUsize = AtomicUsize::new(0);
 
 /// A getter of one value.
 pub(super) type Get<T> = unsafe extern "C" fn(*mut CameraInfo, *mut T) -> c_int;
@@ -64,8 +73,9 @@ impl Drop for OpenContext {
 }
 
 impl OpenedCamera {
-    /// Opens a camera. Each time all buses are looked at anew.
+    /// Opens a camera. All buses are looked at each time.
     pub(super) fn open(choice: IidcChoice) -> Result<Self, DeviceError> {
+        check_left_behind(LEFT_BEHIND.load(Ordering::Relaxed), choice)?;
         let api = load()?;
         let failed = |step: &str, advice: &str| DeviceError::Remote {
             peer: choice.to_string(),
@@ -306,28 +316,70 @@ impl OpenedCamera {
 
     /// Ends transmission and transfer of frames.
     pub(super) fn stop_capture(&mut self) -> Result<(), DeviceError> {
-        self.set(
-            "ending the transmission",
-            OFF,
-            self.api.video_set_transmission,
-        )?;
+        self.end_transmission()?;
+        if self.capturing && self.is_usb && !self.submit_requests() {
+            return Err(DeviceError::Remote {
+                peer: self.peer.clone(),
+                step: "giving the buffers back".to_owned(),
+                advice: "whether the camera is plugged in".to_owned(),
+                source: None,
+            });
+        }
+        self.end_capture()
+    }
+
+    fn end_transmission(&self) -> Result<(), DeviceError> {
+        let set = self.api.video_set_transmission;
+        self.set("ending the transmission", OFF, set)
+    }
+
+    fn end_capture(&mut self) -> Result<(), DeviceError> {
         if !self.capturing {
             return Ok(());
-        }
-        if self.is_usb {
-            // The library frees its requests for frames after it has closed the device that they refer to. This is right only for
-            // requests that wait; those that have a frame are made again here.
-            for _ in 0..2 * BUFFER_COUNT {
-                if self.take(|_| ())?.is_none() {
-                    break;
-                }
-            }
         }
         self.capturing = false;
         // SAFETY: the camera is open, and no frame of it is used any more.
         self.check("stopping the capture", unsafe {
             (self.api.capture_stop)(self.raw())
         })
+    }
+
+    /// Submits the requests for frames that were answered again; returns false if the camera takes none.
+    ///
+    /// The library closes the device and then frees its requests. Closing clears the handle of those that wait only; one that was
+    /// answered would keep the address of a freed handle.
+    fn submit_requests(&mut self) -> bool {
+        for _ in 0..2 * BUFFER_COUNT {
+            let (code, frame) = self.dequeue();
+            match NonNull::new(frame) {
+                None => return code == 0,
+                // SAFETY: the frame is one that the library handed out, and is not used any more.
+                Some(frame) => unsafe {
+                    if (self.api.capture_enqueue)(self.raw(), frame.as_ptr()) != 0 {
+                        return false;
+                    }
+                },
+            }
+        }
+        true
+    }
+
+    /// Takes a frame from the library: its result, and the frame if there is one. A request that failed has both.
+    fn dequeue(&mut self) -> (c_int, *mut VideoFrame) {
+        let mut frame: *mut VideoFrame = std::ptr::null_mut();
+        // SAFETY: the camera is open, and captures wherever this is called.
+        let code = unsafe { (self.api.capture_dequeue)(self.raw(), POLICY_POLL, &mut frame) };
+        (code, frame)
+    }
+
+    /// Returns true if the camera is on no bus.
+    fn is_gone(&self) -> bool {
+        // SAFETY: it takes nothing.
+        let Some(context) = NonNull::new(unsafe { (self.api.new)() }) else {
+            return true;
+        };
+        let context = OpenContext(self.api, context);
+        !guids(self.api, context.1).contains(&self.guid())
     }
 
     /// Returns the file that can be read when there is a frame, while frames are captured.
@@ -349,13 +401,16 @@ impl OpenedCamera {
         if !self.capturing {
             return Ok(None);
         }
-        let step = "taking an image";
-        let mut frame: *mut VideoFrame = std::ptr::null_mut();
-        // SAFETY: the camera is open and captures.
-        self.check(step, unsafe {
-            (self.api.capture_dequeue)(self.raw(), POLICY_POLL, &mut frame)
-        })?;
-        let Some(pointer) = NonNull::new(frame) else {
+        let (code, frame) = self.dequeue();
+        let pointer = NonNull::new(frame);
+        if code != 0 {
+            if let Some(failed) = pointer {
+                // SAFETY: the frame is one that the library handed out. A camera that is gone does not take it.
+                unsafe { (self.api.capture_enqueue)(self.raw(), failed.as_ptr()) };
+            }
+            self.check("taking an image", code)?;
+        }
+        let Some(pointer) = pointer else {
             return Ok(None);
         };
         // SAFETY: the frame is the library's, and stays as it is until it is given back.
@@ -391,20 +446,32 @@ impl OpenedCamera {
 
 impl Drop for OpenedCamera {
     fn drop(&mut self) {
-        if let Err(error) = self.stop_capture() {
-            // An unplugged camera hears nothing.
+        let mut outcome = self.end_transmission();
+        let mut is_gone = false;
+        for attempt in 1..=STOP_ATTEMPTS {
+            let Err(error) = &outcome else {
+                break;
+            };
             tracing::debug!("{}: {error}", self.peer);
-            if self.is_usb && self.capturing {
-                // Its requests for frames have ended with an error, so that the library would read freed memory. Its buffers and its
-                // thread stay instead.
-                tracing::debug!(
-                    "{}: the library's buffers of a lost camera are left behind",
-                    self.peer
-                );
-                return;
+            is_gone = self.is_gone();
+            if is_gone || attempt == STOP_ATTEMPTS {
+                break;
             }
-            // SAFETY: the camera is open, and no frame of it is used any more.
-            unsafe { (self.api.capture_stop)(self.raw()) };
+            outcome = self.end_transmission();
+        }
+        if self.capturing && self.is_usb && (is_gone || !self.submit_requests()) {
+            // Its requests for frames have failed, and the library would read freed memory when it closes the camera.
+            let count = LEFT_BEHIND.fetch_add(1, Ordering::Relaxed) + 1;
+            tracing::warn!(
+                "{}: the camera is gone; about 10 file descriptors, {BUFFER_COUNT} buffers and a thread of libdc1394 stay behind, \
+                 time {count} of at most {MAX_LEFT_BEHIND} until the program is restarted",
+                self.peer
+            );
+            return;
+        }
+        if let Err(error) = self.end_capture() {
+            // On IEEE 1394 the library keeps buffers and a file of a camera that is gone.
+            tracing::debug!("{}: {error}", self.peer);
         }
         // SAFETY: camera and context are the library's, and are not used any more.
         unsafe {
@@ -414,7 +481,25 @@ impl Drop for OpenedCamera {
     }
 }
 
-/// Returns the numbers of the cameras that are plugged in.
+/// Refuses to open a camera when too many lost ones have left objects of the library behind.
+fn check_left_behind(count: usize, choice: IidcChoice) -> Result<(), DeviceError> {
+    if count < MAX_LEFT_BEHIND {
+        return Ok(());
+    }
+    Err(DeviceError::Remote {
+        peer: choice.to_string(),
+        step: "opening the camera".to_owned(),
+        advice: "restarting the program".to_owned(),
+        source: Some(
+            format!(
+                "objects of libdc1394 have stayed behind for {count} unplugged cameras, the maximum"
+            )
+            .into(),
+        ),
+    })
+}
+
+/// Returns the GUIDs of the cameras that are plugged in.
 fn guids(api: &Functions, context: NonNull<Context>) -> Vec<u64> {
     let mut list: *mut CameraList = std::ptr::null_mut();
     // SAFETY: the context is the library's; it makes a list, which is freed below.
@@ -431,5 +516,21 @@ fn guids(api: &Functions, context: NonNull<Context>) -> Vec<u64> {
         let guids = ids.collect();
         (api.camera_free_list)(list);
         guids
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn too_many_lost_cameras_are_refused() {
+        assert!(check_left_behind(MAX_LEFT_BEHIND - 1, IidcChoice::First).is_ok());
+        let refused = check_left_behind(MAX_LEFT_BEHIND, IidcChoice::First).unwrap_err();
+        let words = crate::camera::hardware::chain(&refused);
+        assert!(
+            words.contains("restarting the program") && words.contains("16 unplugged"),
+            "{words}"
+        );
     }
 }
