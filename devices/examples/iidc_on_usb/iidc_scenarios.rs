@@ -684,7 +684,13 @@ fn a_camera_that_is_switched_off_sends_nothing() {
     camera.set_power(true).expect("it has a switch");
     next_frame(&camera);
     camera.set_capture(false).expect("it can");
+    assert!(!plugged.state().registers.is_sending());
     check_rest(&plugged, &camera, "no capture");
+    camera.set_transmission(true).expect("it can");
+    assert!(
+        !plugged.state().registers.is_sending(),
+        "nobody takes images"
+    );
     camera.set_capture(true).expect("it can");
     next_frame(&camera);
 }

@@ -19,6 +19,10 @@ pub(super) const FIRST_FILTER: i32 = 512;
 pub(super) const FIRST_FEATURE: i32 = 416;
 /// Operation mode of IEEE 1394a (`DC1394_OPERATION_MODE_LEGACY`); the next one is IEEE 1394b.
 pub(super) const OPERATION_MODE_LEGACY: i32 = 480;
+/// Speed of the bus of 400 Mbit/s (`DC1394_ISO_SPEED_400`).
+pub(super) const ISO_SPEED_400: i32 = 2;
+/// First version of IIDC with a register of the colour filter (`DC1394_IIDC_VERSION_1_31`).
+pub(super) const IIDC_1_31: c_int = 548;
 /// Control by callers (`DC1394_FEATURE_MODE_MANUAL`).
 pub(super) const MODE_MANUAL: i32 = 736;
 /// Control by the camera (`DC1394_FEATURE_MODE_AUTO`).
@@ -117,7 +121,7 @@ pub(super) struct CameraInfo {
     sio_control_csr: u64,
     strobe_control_csr: u64,
     format7_csr: [u64; 8],
-    iidc_version: c_int,
+    pub(super) iidc_version: c_int,
     pub(super) vendor: *const c_char,
     pub(super) model: *const c_char,
     vendor_id: u32,

@@ -3,7 +3,9 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::bindings::{FIRST_CODING, FIRST_MODE, FIRST_RATE, OPERATION_MODE_LEGACY, RECOMMENDED};
+use super::bindings::{
+    FIRST_CODING, FIRST_MODE, FIRST_RATE, ISO_SPEED_400, OPERATION_MODE_LEGACY, RECOMMENDED,
+};
 use super::frame_conversion::{Coding, FrameError, check_buffer, checked_size};
 use super::iidc_options::FORMAT_7;
 use super::iidc_thread::Shared;
@@ -15,7 +17,7 @@ use super::video_modes::{
 };
 use super::{IidcChoice, IidcFormat, IidcOptions};
 use crate::image::PixelFormat;
-use crate::{CameraConfiguration, DeviceError, Feature, Window, WindowLimits};
+use crate::{Bus, CameraConfiguration, DeviceError, Feature, Window, WindowLimits};
 
 const ON: i32 = 1;
 /// Settings of the maker (IIDC: memory channel 0).
@@ -114,9 +116,7 @@ impl Session {
         if let Some(is_1394b) = self.bus.is_1394b {
             self.set_1394b(is_1394b)?;
         }
-        if let Some(speed) = self.bus.iso_speed {
-            self.set_iso_speed(speed)?;
-        }
+        self.set_starting_speed()?;
         match self.video {
             Some(video) => self.apply_video(&video)?,
             None => {
@@ -129,6 +129,23 @@ impl Session {
             self.set_power(false)?;
         }
         self.start()
+    }
+
+    /// Sets the speed of the bus that a caller has chosen, or else the usual one.
+    fn set_starting_speed(&self) -> Result<(), DeviceError> {
+        let camera = self.camera()?;
+        let set = camera.api().video_set_iso_speed;
+        if let Some(speed) = self.bus.iso_speed {
+            let speed = i32::try_from(speed).unwrap_or(i32::MAX);
+            return camera.set("setting the speed of the bus", speed, set);
+        }
+        let Some(speed) = usual_speed(camera.description().bus) else {
+            return Ok(());
+        };
+        if let Err(error) = camera.set("setting the speed of the bus", speed, set) {
+            tracing::info!("{}: {error}", self.shared.capture.device);
+        }
+        Ok(())
     }
 
     /// Switches a camera on that can be off, unless a caller has switched it off.
@@ -170,6 +187,8 @@ impl Session {
         if capturing {
             camera.start_capture()?;
         }
+        // Frames that nobody takes only load the bus.
+        let transmitting = capturing && transmitting;
         let set = camera.api().video_set_transmission;
         camera.set("starting the transmission", i32::from(transmitting), set)?;
         self.starts += 1;
@@ -747,11 +766,12 @@ impl Session {
         Ok(camera.get("reading the transmission", get)? == ON)
     }
 
-    /// Starts or stops sending.
+    /// Starts or stops sending; while no images are taken, only for the time after that.
     pub(super) fn set_transmission(&mut self, on: bool) -> Result<(), DeviceError> {
         let camera = self.camera()?;
         let set = camera.api().video_set_transmission;
-        camera.set("switching the transmission", i32::from(on), set)?;
+        let on_bus = i32::from(on && self.capturing);
+        camera.set("switching the transmission", on_bus, set)?;
         self.transmitting = on;
         Ok(())
     }
@@ -783,7 +803,7 @@ impl Session {
         Ok(())
     }
 
-    /// Starts or stops taking images.
+    /// Starts or stops taking images, and with it the transmission.
     pub(super) fn set_capture(&mut self, on: bool) -> Result<(), DeviceError> {
         self.camera()?;
         self.capturing = on;
@@ -811,6 +831,7 @@ impl Session {
         self.change_video(|session| {
             change(session.camera()?)?;
             session.switch_on()?;
+            session.set_starting_speed()?;
             session.choose_video()
         })?;
         self.set_starting_features();
@@ -847,6 +868,11 @@ impl Session {
     }
 }
 
+/// Returns the speed of a bus that cameras do not choose by themselves. Some cameras on IEEE 1394 begin with 100 Mbit/s.
+fn usual_speed(bus: Bus) -> Option<i32> {
+    (bus == Bus::Firewire).then_some(ISO_SPEED_400)
+}
+
 /// Returns the library's number of a video mode.
 fn raw_mode(mode: u32) -> i32 {
     FIRST_MODE + mode as i32
@@ -863,5 +889,16 @@ fn gone(shared: &Shared) -> DeviceError {
         step: "using the camera".to_owned(),
         advice: "whether the camera is plugged in, and again".to_owned(),
         source: None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_the_speed_of_firewire_is_set() {
+        assert_eq!(usual_speed(Bus::Firewire), Some(2));
+        assert_eq!(usual_speed(Bus::Usb), None);
     }
 }
