@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 /// GUID of the camera.
 pub(crate) const GUID: u64 = 0x00b0_9d01_00c0_ffee;
 /// Versions of IIDC, as the sub-version of the unit.
+pub(crate) const IIDC_1_30: u32 = 0;
 pub(crate) const IIDC_1_31: u32 = 0x10;
 /// Where the command registers begin.
 const BASE: u64 = 0xffff_f0f0_0000;

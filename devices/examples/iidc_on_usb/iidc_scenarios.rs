@@ -13,7 +13,7 @@ use yarp_devices::{
 };
 
 use super::camera_registers::{
-    BRIGHTNESS, GAIN, GUID, IIDC_1_31, PAN, Registers, SHUTTER, WHITE_BALANCE,
+    BRIGHTNESS, GAIN, GUID, IIDC_1_30, IIDC_1_31, PAN, Registers, SHUTTER, WHITE_BALANCE,
 };
 use super::camera_scene::{MARK_ROWS, MARK_WIDTH, MARKS, colour, is_inside};
 use super::usb_camera::{UsbCamera, lock};
@@ -55,6 +55,10 @@ pub(crate) const ALL: &[(&str, fn())] = &[
     (
         "a_camera_without_images_does_not_start",
         a_camera_without_images_does_not_start,
+    ),
+    (
+        "an_older_camera_does_not_tell_its_filter",
+        an_older_camera_does_not_tell_its_filter,
     ),
     (
         "a_claim_of_huge_frames_is_refused",
@@ -769,6 +773,19 @@ fn a_camera_without_images_does_not_start() {
     let words = refusal(options().frame_timeout(Duration::from_millis(300)));
     assert!(words.contains("no image within 300ms"), "{words}");
     assert!(!plugged.state().registers.is_sending());
+}
+
+fn an_older_camera_does_not_tell_its_filter() {
+    let _plugged = plug_in_with(Registers::of_camera(GUID, IIDC_1_30));
+    let format = |coding| IidcFormat::Scalable {
+        mode: FORMAT_7,
+        coding,
+        window: Window::default(),
+    };
+    let options = |coding| IidcOptions::new().format(format(coding)).rate(30.0);
+    let words = refusal(options(9).frame_timeout(Duration::from_secs(1)));
+    assert!(words.contains("does not tell its colour filter"), "{words}");
+    next_frame(&start(options(4)));
 }
 
 fn a_claim_of_huge_frames_is_refused() {

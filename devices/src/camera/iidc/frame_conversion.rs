@@ -97,9 +97,14 @@ pub(super) enum FrameError {
     /// Signed values, or a coding that is not in the list.
     #[error("colour coding {0} is not supported; try another one, or another video mode")]
     Coding(u32),
-    /// The camera does not tell its filter.
+    /// The camera tells a filter that is not in the list.
     #[error("colour filter {0} is not known, expected 0 to 3; try a coding other than RAW")]
     Filter(u32),
+    /// The camera has no register of its filter.
+    #[error(
+        "a camera of IIDC before 1.31 does not tell its colour filter; try a coding other than RAW"
+    )]
+    NoFilter,
     /// The buffer ends before the image.
     #[error("{got} bytes, expected {expected}")]
     Short { got: usize, expected: usize },
@@ -144,16 +149,20 @@ impl FrameLayout {
     pub(super) fn new(
         (width, height): (u32, u32),
         coding: u32,
-        filter: u32,
+        filter: Option<u32>,
         depth: u32,
         little_endian: bool,
     ) -> Result<Self, FrameError> {
         let (width, height) = checked_size(width, height)?;
         let known = Coding::of_number(coding).filter(|coding| !coding.is_signed());
         let known = known.ok_or(FrameError::Coding(coding))?;
-        if known.is_raw() && filter as usize >= FILTERS.len() {
-            return Err(FrameError::Filter(filter));
-        }
+        let filter = match filter {
+            None if known.is_raw() => return Err(FrameError::NoFilter),
+            Some(filter) if known.is_raw() && filter as usize >= FILTERS.len() => {
+                return Err(FrameError::Filter(filter));
+            }
+            filter => filter.unwrap_or(0),
+        };
         Ok(Self {
             width,
             height,
@@ -291,7 +300,7 @@ mod tests {
     use super::*;
 
     fn layout(size: (u32, u32), coding: Coding) -> FrameLayout {
-        FrameLayout::new(size, coding as u32, 0, 8, false).unwrap()
+        FrameLayout::new(size, coding as u32, Some(0), 8, false).unwrap()
     }
 
     /// Luminance and chrominance of ITU-R BT.601 in the full range of ITU-T T.871, by their definition.
@@ -393,7 +402,7 @@ mod tests {
                 [(false, value.to_be_bytes()), (true, value.to_le_bytes())]
             {
                 let mono = Coding::Mono16 as u32;
-                let layout = FrameLayout::new((1, 1), mono, 0, depth, little_endian).unwrap();
+                let layout = FrameLayout::new((1, 1), mono, Some(0), depth, little_endian).unwrap();
                 assert_eq!(
                     layout.image(&bytes).unwrap().pixels()[..],
                     [expected; 3],
@@ -403,7 +412,7 @@ mod tests {
                 assert_eq!(raw.pixels()[..], [expected]);
             }
         }
-        let layout = FrameLayout::new((1, 1), Coding::Rgb16 as u32, 0, 16, false).unwrap();
+        let layout = FrameLayout::new((1, 1), Coding::Rgb16 as u32, None, 16, false).unwrap();
         assert_eq!(
             layout.image(&[1, 0, 2, 0, 3, 255]).unwrap().pixels()[..],
             [1, 2, 3]
@@ -431,8 +440,9 @@ mod tests {
     #[test]
     fn colours_behind_a_filter_are_found() {
         for (filter, name) in NAMES.into_iter().enumerate() {
-            let layout =
-                |coding: Coding| FrameLayout::new((6, 6), coding as u32, filter as u32, 16, false);
+            let layout = |coding: Coding| {
+                FrameLayout::new((6, 6), coding as u32, Some(filter as u32), 16, false)
+            };
             // A surface of one colour stays one, also at its edges.
             let flat = mosaic(name, 6, |_, _| [200, 100, 30]);
             let image = layout(Coding::Raw8).unwrap().image(&flat).unwrap();
@@ -469,7 +479,7 @@ mod tests {
             (9, 8),
             (10, 16),
         ] {
-            let layout = FrameLayout::new((8, 3), coding, 0, 16, false).unwrap();
+            let layout = FrameLayout::new((8, 3), coding, Some(0), 16, false).unwrap();
             let expected = 8 * 3 * bits / 8;
             assert!(layout.image(&vec![0; expected]).is_ok());
             // Padding is left out.
@@ -484,7 +494,7 @@ mod tests {
 
     #[test]
     fn claims_of_a_camera_are_bounded() {
-        let new = |size, coding, filter| FrameLayout::new(size, coding, filter, 8, false);
+        let new = |size, coding, filter| FrameLayout::new(size, coding, Some(filter), 8, false);
         let side = MAX_IMAGE_SIDE as u32;
         for (width, height) in [
             (0, 1),
@@ -507,6 +517,8 @@ mod tests {
         for coding in [9, 10] {
             assert!(new((1, 1), coding, 3).is_ok());
             assert_eq!(new((1, 1), coding, 4).unwrap_err(), FrameError::Filter(4));
+            let unknown = FrameLayout::new((1, 1), coding, None, 8, false);
+            assert_eq!(unknown.unwrap_err(), FrameError::NoFilter);
         }
         // Only values behind a filter need one.
         assert!(new((1, 1), 0, u32::MAX).is_ok());

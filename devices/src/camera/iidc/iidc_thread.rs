@@ -315,7 +315,7 @@ fn images(frame: &FrameView<'_>) -> Result<(Image, Option<Image>), FrameError> {
     let layout = FrameLayout::new(
         frame.size,
         number(frame.coding, FIRST_CODING),
-        number(frame.filter, FIRST_FILTER),
+        frame.filter.map(|filter| number(filter, FIRST_FILTER)),
         frame.depth,
         frame.little_endian,
     )?;

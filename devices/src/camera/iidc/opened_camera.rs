@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::IidcChoice;
 use super::bindings::{
-    CAPTURE_DEFAULT, CameraInfo, CameraList, Context, FUNCTION_NOT_SUPPORTED, Functions,
+    CAPTURE_DEFAULT, CameraInfo, CameraList, Context, FUNCTION_NOT_SUPPORTED, Functions, IIDC_1_31,
     POLICY_POLL, VideoFrame,
 };
 use super::library::{load, text};
@@ -43,7 +43,8 @@ pub(super) struct FrameView<'a> {
     pub(super) bytes: &'a [u8],
     pub(super) size: (u32, u32),
     pub(super) coding: i32,
-    pub(super) filter: i32,
+    /// Colour filter; `None` if the camera has no register of it.
+    pub(super) filter: Option<i32>,
     pub(super) depth: u32,
     pub(super) little_endian: bool,
     pub(super) packet_bytes: u32,
@@ -427,11 +428,14 @@ impl OpenedCamera {
                 std::slice::from_raw_parts(frame.image, length.min(MAX_BUFFER_BYTES))
             },
         };
+        // The library leaves it uninitialised for older cameras in format 7.
+        // SAFETY: the camera is open.
+        let has_filter = unsafe { self.camera.as_ref() }.iidc_version >= IIDC_1_31;
         let used = use_frame(&FrameView {
             bytes,
             size: (frame.size[0], frame.size[1]),
             coding: frame.color_coding,
-            filter: frame.color_filter,
+            filter: has_filter.then_some(frame.color_filter),
             depth: frame.data_depth,
             little_endian: frame.little_endian != 0,
             packet_bytes: frame.packet_size,
