@@ -50,6 +50,10 @@ pub(crate) const ALL: &[(&str, fn())] = &[
         "frames_without_their_end_are_left_out",
         frames_without_their_end_are_left_out,
     ),
+    (
+        "only_the_newest_of_several_frames_is_converted",
+        only_the_newest_of_several_frames_is_converted,
+    ),
     ("a_slow_change_is_no_failure", a_slow_change_is_no_failure),
     ("a_silent_camera_comes_back", a_silent_camera_comes_back),
     (
@@ -731,6 +735,21 @@ fn frames_without_their_end_are_left_out() {
 
 fn failure(camera: &IidcCamera) -> String {
     chain(&wait_for("the failure", || camera.image().err()))
+}
+
+fn only_the_newest_of_several_frames_is_converted() {
+    let plugged = plug_in();
+    let camera = start(options());
+    let shown = |frame: &Frame| u64::from(number_of(&frame.image));
+    let before = next_frame(&camera);
+    // All buffers are filled while the driver's thread waits for registers.
+    plugged.state().latency = Some(Duration::from_millis(100));
+    camera.set_feature(Feature::Gain, 0.5).expect("it can");
+    plugged.state().latency = None;
+    let after = next_frame(&camera);
+    // The camera counts those that it could send, the driver those that it has converted.
+    let (sent, converted) = (shown(&after) - shown(&before), after.number - before.number);
+    assert!(converted < sent, "{converted} of {sent}");
 }
 
 fn a_slow_change_is_no_failure() {

@@ -55,10 +55,17 @@ pub(in crate::camera) fn chain(error: &DeviceError) -> String {
     words
 }
 
+/// An image, with the values of the sensor of cameras that send them.
+#[derive(Clone)]
+struct Taken {
+    frame: Frame,
+    raw: Option<Image>,
+}
+
 /// Images and failures of a camera.
 pub(in crate::camera) struct CaptureState {
     pub(in crate::camera) device: String,
-    frames: LatestValue<Frame>,
+    frames: LatestValue<Taken>,
     taken: AtomicU64,
     failure: Mutex<Option<Failure>>,
     ending: AtomicBool,
@@ -82,6 +89,19 @@ impl CaptureState {
 
     /// Returns the newest image, unless the camera has failed since.
     pub(in crate::camera) fn newest(&self) -> Result<Frame, DeviceError> {
+        Ok(self.newest_taken()?.frame)
+    }
+
+    /// Returns the values of the sensor of the newest image, or the image in grey if the camera does not send them.
+    pub(in crate::camera) fn newest_raw(&self) -> Result<Frame, DeviceError> {
+        let Taken { frame, raw } = self.newest_taken()?;
+        match raw {
+            Some(image) => Ok(Frame { image, ..frame }),
+            None => frame.to_mono(),
+        }
+    }
+
+    fn newest_taken(&self) -> Result<Taken, DeviceError> {
         if let Some(failure) = self.failure().clone() {
             return Err(failure.error(&self.device));
         }
@@ -109,14 +129,15 @@ impl CaptureState {
         *last = Some(failure);
     }
 
-    /// Hands an image to the readers; to be called by the capture thread only.
-    pub(in crate::camera) fn publish(&self, image: Image, time: f64) {
+    /// Hands an image to the readers, with the values of the sensor if there are any; to be called by the capture thread only.
+    pub(in crate::camera) fn publish(&self, image: Image, raw: Option<Image>, time: f64) {
         let number = self.taken.load(Ordering::Relaxed);
-        if self.frames.put(Frame {
+        let frame = Frame {
             image,
             number,
             time,
-        }) {
+        };
+        if self.frames.put(Taken { frame, raw }) {
             self.taken.store(number + 1, Ordering::Relaxed);
         }
         if self.failure().take().is_some() {
@@ -198,5 +219,33 @@ impl Drop for CaptureHandle {
                 self.state.device
             );
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::PixelFormat;
+
+    fn grey(value: u8) -> Image {
+        Image::new(PixelFormat::Mono, 1, 1, vec![value]).unwrap()
+    }
+
+    fn coloured(value: u8) -> Image {
+        Image::new(PixelFormat::Rgb, 1, 1, vec![value; 3]).unwrap()
+    }
+
+    #[test]
+    fn raw_values_are_those_of_the_newest_image() {
+        let state = CaptureState::new("camera");
+        assert!(state.newest_raw().is_err());
+        state.publish(coloured(10), Some(grey(1)), 0.5);
+        let (frame, raw) = (state.newest().unwrap(), state.newest_raw().unwrap());
+        assert_eq!(raw.image, grey(1));
+        assert_eq!((raw.number, raw.time), (frame.number, frame.time));
+        // An image without them, of another mode.
+        state.publish(coloured(20), None, 1.0);
+        let raw = state.newest_raw().unwrap();
+        assert_eq!((raw.image, raw.number), (grey(20), 1));
     }
 }

@@ -102,11 +102,7 @@ impl FrameGrabberImageRaw for IidcCamera {
     }
 
     fn raw_image(&self) -> Result<Frame, DeviceError> {
-        let newest = self.shared.capture.newest()?;
-        match self.shared.raw.get().filter(|raw| raw.time == newest.time) {
-            Some(raw) => Ok(raw),
-            None => newest.to_mono(),
-        }
+        self.shared.capture.newest_raw()
     }
 }
 

@@ -11,9 +11,8 @@ use super::bindings::{FIRST_CODING, FIRST_FILTER};
 use super::frame_conversion::{FrameError, FrameLayout};
 use super::iidc_session::Session;
 use super::opened_camera::FrameView;
-use crate::camera::LatestValue;
 use crate::camera::hardware::{CaptureState, Failure, REOPEN_INTERVAL, chain, mirrored};
-use crate::image::{Frame, Image};
+use crate::image::Image;
 use crate::{CameraDescription, DeviceError, clock};
 
 /// Longest wait for a frame or a task, after which the thread looks whether it shall end.
@@ -35,8 +34,6 @@ struct Task {
 /// State that the thread shares with the callers.
 pub(super) struct Shared {
     pub(super) capture: Arc<CaptureState>,
-    /// Values of the sensor, of cameras that send them.
-    pub(super) raw: LatestValue<Frame>,
     state: Mutex<State>,
     frame_timeout: Duration,
 }
@@ -53,7 +50,6 @@ impl Shared {
     pub(super) fn new(device: &str, is_mirrored: bool, frame_timeout: Duration) -> Self {
         Self {
             capture: Arc::new(CaptureState::new(device)),
-            raw: LatestValue::new(),
             state: Mutex::new(State {
                 size: (0, 0),
                 mirrored: is_mirrored,
@@ -153,7 +149,6 @@ pub(super) struct CaptureThread {
     shared: Arc<Shared>,
     session: Session,
     queue: TaskQueue,
-    raw_taken: u64,
 }
 
 impl CaptureThread {
@@ -162,7 +157,6 @@ impl CaptureThread {
             shared,
             session,
             queue,
-            raw_taken: 0,
         }
     }
 
@@ -271,7 +265,7 @@ impl CaptureThread {
         Ok(())
     }
 
-    /// Takes a frame, if there is one, and hands its image to the readers.
+    /// Takes the newest frame, if there is one, and hands its image to the readers.
     fn take(&mut self) -> Result<Option<Result<(), FrameError>>, DeviceError> {
         let time = clock::now();
         let camera = self.session.camera_mut()?;
@@ -285,23 +279,12 @@ impl CaptureThread {
         ))
     }
 
-    fn publish(&mut self, image: Image, raw: Option<Image>, time: f64) {
+    fn publish(&self, image: Image, raw: Option<Image>, time: f64) {
         let image = match self.shared.state().mirrored {
             true => mirrored(&image).unwrap_or(image),
             false => image,
         };
-        if let Some(image) = raw {
-            let number = self.raw_taken;
-            let frame = Frame {
-                image,
-                number,
-                time,
-            };
-            if self.shared.raw.put(frame) {
-                self.raw_taken += 1;
-            }
-        }
-        self.shared.capture.publish(image, time);
+        self.shared.capture.publish(image, raw, time);
     }
 }
 

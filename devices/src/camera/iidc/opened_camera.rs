@@ -354,12 +354,8 @@ impl OpenedCamera {
             let (code, frame) = self.dequeue();
             match NonNull::new(frame) {
                 None => return code == 0,
-                // SAFETY: the frame is one that the library handed out, and is not used any more.
-                Some(frame) => unsafe {
-                    if (self.api.capture_enqueue)(self.raw(), frame.as_ptr()) != 0 {
-                        return false;
-                    }
-                },
+                Some(frame) if self.give_back(frame) != 0 => return false,
+                Some(_) => {}
             }
         }
         true
@@ -371,6 +367,13 @@ impl OpenedCamera {
         // SAFETY: the camera is open, and captures wherever this is called.
         let code = unsafe { (self.api.capture_dequeue)(self.raw(), POLICY_POLL, &mut frame) };
         (code, frame)
+    }
+
+    /// Gives a frame back to the library, which is not used after that. Frames are given back in the order in which they were taken: the
+    /// library hands them out in this order.
+    fn give_back(&mut self, frame: NonNull<VideoFrame>) -> c_int {
+        // SAFETY: the frame is one that the library handed out.
+        unsafe { (self.api.capture_enqueue)(self.raw(), frame.as_ptr()) }
     }
 
     /// Returns true if the camera is on no bus.
@@ -394,7 +397,7 @@ impl OpenedCamera {
         (file >= 0).then(|| unsafe { BorrowedFd::borrow_raw(file) })
     }
 
-    /// Hands a frame to `use_frame`, if there is one, and gives it back to the library. Does not wait.
+    /// Hands the newest frame to `use_frame`, if there is one, and gives it back to the library, with those before it. Does not wait.
     pub(super) fn take<T>(
         &mut self,
         use_frame: impl FnOnce(&FrameView<'_>) -> T,
@@ -402,16 +405,26 @@ impl OpenedCamera {
         if !self.capturing {
             return Ok(None);
         }
-        let (code, frame) = self.dequeue();
-        let pointer = NonNull::new(frame);
-        if code != 0 {
-            if let Some(failed) = pointer {
-                // SAFETY: the frame is one that the library handed out. A camera that is gone does not take it.
-                unsafe { (self.api.capture_enqueue)(self.raw(), failed.as_ptr()) };
+        let mut newest = None;
+        for _ in 0..BUFFER_COUNT {
+            let (code, frame) = self.dequeue();
+            let newer = NonNull::new(frame);
+            if code != 0 {
+                for frame in newest.into_iter().chain(newer) {
+                    // A camera that is gone does not take it.
+                    self.give_back(frame);
+                }
+                self.check("taking an image", code)?;
             }
-            self.check("taking an image", code)?;
+            if newer.is_none() {
+                break;
+            }
+            if let Some(older) = std::mem::replace(&mut newest, newer) {
+                let code = self.give_back(older);
+                self.check("giving a buffer back", code)?;
+            }
         }
-        let Some(pointer) = pointer else {
+        let Some(pointer) = newest else {
             return Ok(None);
         };
         // SAFETY: the frame is the library's, and stays as it is until it is given back.
@@ -441,9 +454,8 @@ impl OpenedCamera {
             packet_bytes: frame.packet_size,
             damaged,
         });
-        // SAFETY: the frame is one that the library handed out, and is not used any more.
-        let back = unsafe { (self.api.capture_enqueue)(self.raw(), pointer.as_ptr()) };
-        self.check("giving a buffer back", back)?;
+        let code = self.give_back(pointer);
+        self.check("giving a buffer back", code)?;
         Ok(Some(used))
     }
 }

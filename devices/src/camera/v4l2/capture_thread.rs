@@ -190,7 +190,7 @@ impl StreamState {
             Ok(image) => {
                 self.last_image = Instant::now();
                 self.defect = None;
-                thread.shared.capture.publish(image, time);
+                thread.shared.capture.publish(image, None, time);
             }
             Err(defect) => {
                 if self.defect.is_none() {

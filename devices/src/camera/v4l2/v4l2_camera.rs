@@ -127,7 +127,7 @@ impl FrameGrabberImageRaw for V4l2Camera {
     }
 
     fn raw_image(&self) -> Result<Frame, DeviceError> {
-        self.shared.capture.newest()?.to_mono()
+        self.shared.capture.newest_raw()
     }
 }
 
