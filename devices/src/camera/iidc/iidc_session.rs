@@ -59,6 +59,8 @@ pub(super) struct Session {
     video: Option<VideoSetting>,
     bus: BusSetting,
     pub(super) features: BTreeMap<u32, ChosenFeature>,
+    /// Number of times that the camera was found.
+    openings: u32,
     /// Number of starts of the capture.
     pub(super) starts: u64,
     transmitting: bool,
@@ -79,6 +81,7 @@ impl Session {
             video: None,
             bus: BusSetting::default(),
             features: BTreeMap::new(),
+            openings: 0,
             starts: 0,
             transmitting: true,
             powered: true,
@@ -93,6 +96,7 @@ impl Session {
         let camera = OpenedCamera::open(choice)?;
         let guid = camera.guid();
         self.camera = Some(camera);
+        self.openings = self.openings.saturating_add(1);
         let outcome = self.set_up();
         match outcome {
             Ok(()) => self.guid = Some(guid),
@@ -107,11 +111,11 @@ impl Session {
         self.camera_mut()?.stop_capture()?;
         let camera = self.camera()?;
         let description = camera.description();
-        tracing::info!(
-            "{}: {}",
-            self.shared.capture.device,
-            description.description
-        );
+        let device = &self.shared.capture.device;
+        match self.is_repeated() {
+            false => tracing::info!("{device}: {}", description.description),
+            true => tracing::debug!("{device}: {}", description.description),
+        }
         self.shared.state().description = description;
         if let Some(is_1394b) = self.bus.is_1394b {
             self.set_1394b(is_1394b)?;
@@ -143,9 +147,18 @@ impl Session {
             return Ok(());
         };
         if let Err(error) = camera.set("setting the speed of the bus", speed, set) {
-            tracing::info!("{}: {error}", self.shared.capture.device);
+            let device = &self.shared.capture.device;
+            match self.is_repeated() {
+                false => tracing::info!("{device}: {error}"),
+                true => tracing::debug!("{device}: {error}"),
+            }
         }
         Ok(())
+    }
+
+    /// Returns true from the second reopening on, of which messages were logged before.
+    fn is_repeated(&self) -> bool {
+        self.openings > 2
     }
 
     /// Switches a camera on that can be off, unless a caller has switched it off.
@@ -862,7 +875,14 @@ impl Session {
         for (number, chosen) in &self.features {
             if let Err(error) = self.apply_feature(*number, chosen) {
                 let device = &self.shared.capture.device;
-                tracing::warn!("{device}: feature {number} could not be set again: {error}");
+                match self.is_repeated() {
+                    false => {
+                        tracing::warn!("{device}: feature {number} could not be set again: {error}")
+                    }
+                    true => tracing::debug!(
+                        "{device}: feature {number} could not be set again: {error}"
+                    ),
+                }
             }
         }
     }

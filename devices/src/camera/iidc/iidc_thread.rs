@@ -24,6 +24,9 @@ pub(super) const CALL_TIMEOUT: Duration = Duration::from_secs(10);
 /// Maximum number of tasks that wait.
 const MAX_TASKS: usize = 16;
 
+/// Minimum time between two messages about images that are left out.
+const LEFT_OUT_INTERVAL: Duration = Duration::from_secs(10);
+
 /// A task of a caller.
 struct Task {
     /// Time at which the caller stops waiting.
@@ -149,6 +152,29 @@ pub(super) struct CaptureThread {
     shared: Arc<Shared>,
     session: Session,
     queue: TaskQueue,
+    left_out: LeftOut,
+}
+
+/// Images left out since the last message about them.
+#[derive(Debug, Default)]
+struct LeftOut {
+    count: u64,
+    reported: Option<Instant>,
+}
+
+impl LeftOut {
+    /// Counts an image that is left out, and returns the number of them if a message is due.
+    fn count(&mut self, now: Instant) -> Option<u64> {
+        self.count += 1;
+        let since = self
+            .reported
+            .map(|then| now.saturating_duration_since(then));
+        if since.is_some_and(|since| since < LEFT_OUT_INTERVAL) {
+            return None;
+        }
+        self.reported = Some(now);
+        Some(std::mem::take(&mut self.count))
+    }
 }
 
 impl CaptureThread {
@@ -157,6 +183,7 @@ impl CaptureThread {
             shared,
             session,
             queue,
+            left_out: LeftOut::default(),
         }
     }
 
@@ -249,8 +276,9 @@ impl CaptureThread {
                     defect = None;
                 }
                 Some(Err(reason)) => {
-                    if defect.is_none() {
-                        tracing::warn!("{}: image left out: {reason}", self.shared.capture.device);
+                    if let Some(count) = self.left_out.count(Instant::now()) {
+                        let device = &self.shared.capture.device;
+                        tracing::warn!("{device}: {count} images left out, the last: {reason}");
                     }
                     defect = Some(reason);
                 }
@@ -379,6 +407,19 @@ mod tests {
         thread.run_task();
         assert!(thread.queue.tasks.try_recv().is_err());
         assert!(!executed.load(Ordering::Acquire));
+    }
+
+    #[test]
+    fn images_left_out_are_reported_once_in_an_interval() {
+        let mut left_out = LeftOut::default();
+        let start = Instant::now();
+        assert_eq!(left_out.count(start), Some(1));
+        let at = |millis| start + Duration::from_millis(millis);
+        for millis in [1, 5000, 9999] {
+            assert_eq!(left_out.count(at(millis)), None);
+        }
+        assert_eq!(left_out.count(at(10_000)), Some(4));
+        assert_eq!(left_out.count(at(10_001)), None);
     }
 
     #[test]
