@@ -211,7 +211,7 @@ fn a_missing_camera_is_an_error() {
         words.contains("0000000000000ABC") && words.contains("00B09D0100C0FFEE"),
         "{words}"
     );
-    let words = refusal(IidcOptions::new().choice(IidcChoice::Place(1)));
+    let words = refusal(IidcOptions::new().choice(IidcChoice::Index(1)));
     assert!(words.contains("IIDC camera 1"), "{words}");
     for format in [
         IidcFormat::Fixed(4),
@@ -638,7 +638,7 @@ fn options_reach_the_registers() {
     assert_eq!(plugged.state().registers.region().2, (160, 120));
     assert_eq!(plugged.state().registers.video().0, 7);
     camera.set_feature(Feature::Gain, 0.0).unwrap();
-    camera.set_defaults().expect("it has settings of its maker");
+    camera.set_defaults().expect("it has factory settings");
     assert_eq!(plugged.state().registers.feature(GAIN) & 0xfff, 64);
     next_frame(&camera);
 }
@@ -859,7 +859,7 @@ fn an_unplugged_camera_comes_back() {
             .contains("opening the camera again")
             .then_some(())
     });
-    // Another one with the settings of its maker.
+    // It has its factory settings then.
     let plugged = plug_in();
     let after = wait_for("images again", || camera.image().ok());
     assert!(after.number > before.number && after.time > before.time);

@@ -7,6 +7,8 @@ use crate::HostError;
 
 /// Group with the distortion of the lens.
 const DISTORTION: &str = "cameraDistortionModelGroup";
+/// Name of the matrix that turns images of two cameras into one plane, and stock's spelling of it.
+const RECTIFICATION: [&str; 2] = ["rectificationMatrix", "retificationMatrix"];
 /// Features that can be set at the start.
 const FEATURES: [(&str, Feature); 9] = [
     ("gain", Feature::Gain),
@@ -63,7 +65,8 @@ pub(super) fn lens(parameters: &Parameters) -> Result<Option<Intrinsics>, HostEr
     ];
     let has = |name: &str| parameters.has(name);
     let given = names.iter().any(|name| has(name));
-    if !given && !has("rectificationMatrix") && !has(&of_group("name")) {
+    let is_rectified = RECTIFICATION.iter().any(|name| has(name));
+    if !given && !is_rectified && !has(&of_group("name")) {
         return Ok(None);
     }
     let number = |name: &str| parameters.get_or(name, 0.0);
@@ -76,9 +79,12 @@ pub(super) fn lens(parameters: &Parameters) -> Result<Option<Intrinsics>, HostEr
         tangential: [in_group("t1")?, in_group("t2")?],
         ..Intrinsics::default()
     };
-    if let Some(matrix) = parameters.list::<f64>("rectificationMatrix")? {
-        let refused = |_| parameters.refuse("rectificationMatrix", "nine numbers");
-        lens.rectification = matrix.try_into().map_err(refused)?;
+    // The right spelling is read last, and wins.
+    for name in RECTIFICATION.into_iter().rev() {
+        if let Some(matrix) = parameters.list::<f64>(name)? {
+            let refused = |_| parameters.refuse(name, "nine numbers");
+            lens.rectification = matrix.try_into().map_err(refused)?;
+        }
     }
     // Stock names the group here.
     parameters.has("distortionModel");

@@ -1,6 +1,6 @@
 //! IIDC cameras on IEEE 1394 and USB.
 //!
-//! Parameters are those of iCub's `dragonfly2`; `video_mode`, `coding` and `mirror` are ours. Source: `DragonflyDeviceDriver2.h` and
+//! Parameters are those of iCub's `dragonfly2`; `video_mode` and `coding` are ours. Source: `DragonflyDeviceDriver2.h` and
 //! `FirewireCameraDC1394-DR2_2.cpp` of icub-main.
 
 use yarp_devices::Window;
@@ -13,12 +13,19 @@ use super::{OpenResult, Opening};
 use crate::HostError;
 use crate::shared_parameters::flag;
 
-/// Parameters of stock that have no effect here: all buses are looked at, every camera is asked what it has, and the time of an image is that
-/// of this machine.
-const IGNORED_PARAMETERS: [&str; 4] = ["port_number", "DR2", "use_network_time", "verbose"];
+/// Parameters of stock that have no effect here: all buses are looked at, every camera is asked what it has, the time of an image is that
+/// of this machine, and the thread of a camera has the usual priority.
+const IGNORED_PARAMETERS: [&str; 6] = [
+    "port_number",
+    "DR2",
+    "use_network_time",
+    "verbose",
+    "cpu_affinity",
+    "rt_priority",
+];
 /// First video mode with a window.
 const FORMAT_7: u32 = 24;
-/// Maximum number of digits of a camera's number of 64 bits.
+/// Maximum number of hexadecimal digits of a GUID.
 const GUID_DIGITS: usize = 16;
 /// Type that stock takes if none is given: values behind the colour filter of the sensor.
 const DEFAULT_TYPE: usize = 3;
@@ -96,16 +103,16 @@ fn options(parameters: &Parameters) -> Result<IidcOptions, HostError> {
 
 fn choice(parameters: &Parameters) -> Result<IidcChoice, HostError> {
     let Some(guid) = parameters.get::<String>("guid")? else {
-        let place = parameters.get::<usize>("d")?;
-        return Ok(place.map_or(IidcChoice::First, IidcChoice::Place));
+        let index = parameters.get::<usize>("d")?;
+        return Ok(index.map_or(IidcChoice::First, IidcChoice::Index));
     };
-    // A number that is given wins over a place, as in stock.
+    // A GUID wins over an index, as in stock.
     parameters.has("d");
     let digits = guid.trim_start_matches("0x");
     let is_hexadecimal = digits.chars().all(|digit| digit.is_ascii_hexdigit());
     let number = Some(digits).filter(|digits| digits.len() <= GUID_DIGITS && is_hexadecimal);
     let number = number.and_then(|digits| u64::from_str_radix(digits, 16).ok());
-    let expected = "the number of the camera, up to 16 hexadecimal digits";
+    let expected = "the GUID of the camera, up to 16 hexadecimal digits";
     let number = number.ok_or_else(|| parameters.refuse("guid", expected))?;
     Ok(IidcChoice::Guid(number))
 }
@@ -225,7 +232,7 @@ mod tests {
             .feature(Feature::Shutter, 0.913)
             .white_balance(0.494, 0.506);
         assert_eq!(read(text).unwrap(), expected);
-        let second = plain.clone().choice(IidcChoice::Place(1));
+        let second = plain.clone().choice(IidcChoice::Index(1));
         let both = second
             .format(IidcFormat::Fixed(4))
             .format(scalable(24, 4, [640, 480, 0, 0]));
@@ -242,6 +249,17 @@ mod tests {
         assert_eq!(read("video_mode 6\n").unwrap(), own);
         let own = plain.format(scalable(31, 5, [100, 0, 0, 0]));
         assert_eq!(read("video_mode 31\ncoding 5\nwidth 100\n").unwrap(), own);
+    }
+
+    #[test]
+    fn both_spellings_of_the_rectification_are_read() {
+        for name in ["rectificationMatrix", "retificationMatrix"] {
+            let options = read(&format!("{name} 1 2 3 4 5 6 7 8 9\n")).unwrap();
+            let debug = format!("{options:?}");
+            assert!(debug.contains("rectification: [1.0, 2.0, 3.0"), "{debug}");
+            let refused = read(&format!("{name} 1 2\n")).unwrap_err();
+            assert!(refused.contains("nine numbers"), "{refused}");
+        }
     }
 
     #[test]

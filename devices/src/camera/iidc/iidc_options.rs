@@ -10,6 +10,8 @@ use crate::{DeviceError, Feature, Intrinsics, Window};
 const RATES: std::ops::RangeInclusive<f64> = 0.1..=1000.0;
 /// Number of the last video mode.
 const LAST_MODE: u32 = 31;
+/// Number of the last video mode with a size of its own.
+const LAST_FIXED_MODE: u32 = 22;
 /// Number of the first video mode with a window.
 pub(super) const FORMAT_7: u32 = 24;
 /// Number of the last colour coding.
@@ -21,9 +23,9 @@ pub enum IidcChoice {
     /// The first that is found.
     #[default]
     First,
-    /// The one at this place in the library's list, from 0. The order may be another after each start of the machine.
-    Place(usize),
-    /// The one with this number of 64 bits, which no other has.
+    /// The one at this index of the library's list, from 0. The order may be another after each start of the machine.
+    Index(usize),
+    /// The one with this GUID, which no other has.
     Guid(u64),
 }
 
@@ -31,7 +33,7 @@ impl fmt::Display for IidcChoice {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::First => f.write_str("IIDC camera"),
-            Self::Place(place) => write!(f, "IIDC camera {place}"),
+            Self::Index(index) => write!(f, "IIDC camera {index}"),
             Self::Guid(guid) => write!(f, "IIDC camera {guid:016X}"),
         }
     }
@@ -134,7 +136,7 @@ impl IidcOptions {
         }
         for format in &self.formats {
             let good = match *format {
-                IidcFormat::Fixed(mode) => mode < FORMAT_7,
+                IidcFormat::Fixed(mode) => mode <= LAST_FIXED_MODE,
                 IidcFormat::Scalable { mode, coding, .. } => {
                     (FORMAT_7..=LAST_MODE).contains(&mode) && coding <= LAST_CODING
                 }
@@ -143,7 +145,7 @@ impl IidcOptions {
                 return Err(DeviceError::Unsuitable {
                     what: "video mode",
                     asked: format!("{format:?}"),
-                    expected: "0 to 23, or 24 to 31 with a colour coding of 0 to 10".to_owned(),
+                    expected: "0 to 22, or 24 to 31 with a colour coding of 0 to 10".to_owned(),
                 });
             }
         }
@@ -172,7 +174,7 @@ mod tests {
             let timeout = Duration::from_millis(millis);
             assert_eq!(options().frame_timeout(timeout).check().is_ok(), good);
         }
-        for (mode, good) in [(0, true), (23, true), (24, false)] {
+        for (mode, good) in [(0, true), (22, true), (23, false), (24, false)] {
             let format = IidcFormat::Fixed(mode);
             assert_eq!(options().format(format).check().is_ok(), good, "{mode}");
         }

@@ -20,7 +20,7 @@ use crate::image::PixelFormat;
 use crate::{Bus, CameraConfiguration, DeviceError, Feature, Window, WindowLimits};
 
 const ON: i32 = 1;
-/// Settings of the maker (IIDC: memory channel 0).
+/// Factory settings (IIDC: memory channel 0).
 const FACTORY_CHANNEL: u32 = 0;
 
 /// Video mode of a camera as it is set.
@@ -178,12 +178,12 @@ impl Session {
 
     /// Returns the camera, if it is plugged in.
     pub(super) fn camera(&self) -> Result<&OpenedCamera, DeviceError> {
-        self.camera.as_ref().ok_or_else(|| gone(&self.shared))
+        self.camera.as_ref().ok_or_else(|| not_open(&self.shared))
     }
 
     /// Returns the camera for taking frames.
     pub(super) fn camera_mut(&mut self) -> Result<&mut OpenedCamera, DeviceError> {
-        self.camera.as_mut().ok_or_else(|| gone(&self.shared))
+        self.camera.as_mut().ok_or_else(|| not_open(&self.shared))
     }
 
     /// Returns whether images are expected.
@@ -468,8 +468,9 @@ impl Session {
         }
         let camera = self.camera()?;
         let rate = camera.get("reading the rate", camera.api().video_get_framerate)?;
+        // A rate that IIDC does not list says nothing; the fastest is taken.
         let rate = hertz(number(rate, FIRST_RATE));
-        self.apply_rate(rate)
+        self.apply_rate(rate.unwrap_or(f64::MAX))
     }
 
     fn rates_of(&self, mode: u32) -> Result<u32, DeviceError> {
@@ -515,7 +516,7 @@ impl Session {
         }
         let mode = self.mode()?;
         self.change_video(|session| match mode >= FORMAT_7 {
-            true => session.set_region_rate(mode, hertz(rate)),
+            true => session.set_region_rate(mode, known_hertz(rate)?),
             false => session.set_rate_number(rate),
         })
     }
@@ -525,7 +526,7 @@ impl Session {
         let mode = self.mode()?;
         match mode >= FORMAT_7 {
             true => Ok(packet_rate(self.packets(mode)?)),
-            false => self.rate().map(hertz),
+            false => known_hertz(self.rate()?),
         }
     }
 
@@ -547,7 +548,7 @@ impl Session {
                 }
             } else if let Some((width, height, _)) = fixed_mode(mode) {
                 let rates = self.rates_of(mode)?;
-                let fastest = rates.checked_ilog2().map_or(0.0, hertz);
+                let fastest = rates.checked_ilog2().and_then(hertz).unwrap_or(0.0);
                 sizes.push(configuration((width as usize, height as usize), fastest));
             }
         }
@@ -823,17 +824,18 @@ impl Session {
         self.change_video(|_| Ok(()))
     }
 
-    /// Loads the settings of the maker, and makes those of the start.
+    /// Loads the factory settings, and makes the settings of the start.
     pub(super) fn set_defaults(&mut self) -> Result<(), DeviceError> {
-        self.anew(|camera| camera.load_memory(FACTORY_CHANNEL))
+        self.restore(|camera| camera.load_memory(FACTORY_CHANNEL))
     }
 
     /// Resets the camera, and makes the settings of the start.
     pub(super) fn reset(&mut self) -> Result<(), DeviceError> {
-        self.anew(OpenedCamera::reset)
+        self.restore(OpenedCamera::reset)
     }
 
-    fn anew(
+    /// Changes all settings of the camera, and makes those of the start.
+    fn restore(
         &mut self,
         change: impl FnOnce(&OpenedCamera) -> Result<(), DeviceError>,
     ) -> Result<(), DeviceError> {
@@ -893,17 +895,24 @@ fn usual_speed(bus: Bus) -> Option<i32> {
     (bus == Bus::Firewire).then_some(ISO_SPEED_400)
 }
 
+/// Returns the images a second of a rate, or an error for one that IIDC does not list.
+fn known_hertz(rate: u32) -> Result<f64, DeviceError> {
+    hertz(rate).ok_or_else(|| DeviceError::NotSupported {
+        what: format!("the unknown rate {rate}"),
+    })
+}
+
 /// Returns the library's number of a video mode.
 fn raw_mode(mode: u32) -> i32 {
     FIRST_MODE + mode as i32
 }
 
-/// Returns a number of the library as a place in its list.
+/// Returns a number of the library as an index of its list.
 fn number(value: i32, first: i32) -> u32 {
     u32::try_from(value.wrapping_sub(first)).unwrap_or(u32::MAX)
 }
 
-fn gone(shared: &Shared) -> DeviceError {
+fn not_open(shared: &Shared) -> DeviceError {
     DeviceError::Remote {
         peer: shared.capture.device.clone(),
         step: "using the camera".to_owned(),
@@ -920,5 +929,12 @@ mod tests {
     fn only_the_speed_of_firewire_is_set() {
         assert_eq!(usual_speed(Bus::Firewire), Some(2));
         assert_eq!(usual_speed(Bus::Usb), None);
+    }
+
+    #[test]
+    fn a_rate_outside_the_list_is_unknown() {
+        assert_eq!(known_hertz(4).unwrap(), 30.0);
+        let words = known_hertz(number(0, FIRST_RATE)).unwrap_err().to_string();
+        assert!(words.contains("unknown rate"), "{words}");
     }
 }

@@ -60,17 +60,22 @@ fn open(name: &str) -> Result<Functions, libloading::Error> {
 /// Takes a message of the library, which would print it otherwise. Its errors are reported by the calls that fail.
 #[allow(unsafe_code, reason = "called by a library in C")]
 unsafe extern "C" fn log(_: c_int, message: *const c_char, _: *mut c_void) {
-    let message = text(message);
+    // SAFETY: the library hands over a text that lives as long as this call.
+    let message = unsafe { text(message) };
     tracing::debug!("libdc1394: {}", message.trim_end());
 }
 
 /// Returns a text of the library; an empty one for none.
+///
+/// # Safety
+///
+/// The text must end with 0, and live and stay as it is during this call; or it must be null.
 #[allow(unsafe_code, reason = "texts of a library in C")]
-pub(super) fn text(text: *const c_char) -> String {
+pub(super) unsafe fn text(text: *const c_char) -> String {
     if text.is_null() {
         return String::new();
     }
-    // SAFETY: texts of the library end with 0, and are not changed during this call.
+    // SAFETY: the caller promises it.
     let text = unsafe { CStr::from_ptr(text) };
     text.to_string_lossy().into_owned()
 }

@@ -94,7 +94,7 @@ impl OpenedCamera {
         let guids = guids(api, context.1);
         let wanted = match choice {
             IidcChoice::First => guids.first(),
-            IidcChoice::Place(place) => guids.get(place),
+            IidcChoice::Index(index) => guids.get(index),
             IidcChoice::Guid(guid) => guids.iter().find(|one| **one == guid),
         };
         let Some(guid) = wanted.copied() else {
@@ -146,7 +146,7 @@ impl OpenedCamera {
         }
         // SAFETY: it returns a constant text for any number in its list; others are not asked for.
         let words = match (-39..0).contains(&code) {
-            true => text(unsafe { (self.api.error_get_string)(code) }),
+            true => unsafe { text((self.api.error_get_string)(code)) },
             false => format!("error {code}"),
         };
         Err(DeviceError::Remote {
@@ -262,7 +262,7 @@ impl OpenedCamera {
     /// Loads settings that the camera has stored.
     pub(super) fn load_memory(&self, channel: u32) -> Result<(), DeviceError> {
         // SAFETY: the camera is open.
-        self.check("loading the settings of the maker", unsafe {
+        self.check("loading the factory settings", unsafe {
             (self.api.memory_load)(self.raw(), channel)
         })
     }
@@ -278,7 +278,12 @@ impl OpenedCamera {
         let mut name = std::ptr::null();
         // SAFETY: the camera is open, and the function writes the address of a constant text.
         let code = unsafe { (self.api.camera_get_platform_string)(self.raw(), &mut name) };
-        if code == 0 { text(name) } else { String::new() }
+        // SAFETY: the text is a constant of the library.
+        if code == 0 {
+            unsafe { text(name) }
+        } else {
+            String::new()
+        }
     }
 
     /// Returns the GUID of the camera.
@@ -291,14 +296,11 @@ impl OpenedCamera {
     pub(super) fn description(&self) -> CameraDescription {
         // SAFETY: the camera is open.
         let info = unsafe { self.camera.as_ref() };
+        // SAFETY: the texts are those of the open camera.
+        let (vendor, model) = unsafe { (text(info.vendor), text(info.model)) };
         CameraDescription {
             bus: if self.is_usb { Bus::Usb } else { Bus::Firewire },
-            description: format!(
-                "{} {} ({:016X})",
-                text(info.vendor),
-                text(info.model),
-                info.guid
-            ),
+            description: format!("{vendor} {model} ({:016X})", info.guid),
         }
     }
 

@@ -49,22 +49,26 @@ pub(super) fn fixed_mode(mode: u32) -> Option<(u32, u32, Coding)> {
     FIXED_MODES.get(mode as usize).copied()
 }
 
-/// Returns the images a second of a rate.
-pub(super) fn hertz(rate: u32) -> f64 {
-    SLOWEST * f64::from(1_u32 << rate.min(RATE_COUNT - 1))
+/// Returns the images a second of a rate; `None` for a number that is not in the list.
+pub(super) fn hertz(rate: u32) -> Option<f64> {
+    (rate < RATE_COUNT).then(|| listed_hertz(rate))
+}
+
+fn listed_hertz(rate: u32) -> f64 {
+    SLOWEST * f64::from(1_u32 << rate)
 }
 
 /// Returns the rate of a mask that is nearest to the images a second.
 pub(super) fn nearest_rate(mask: u32, wanted: f64) -> Option<u32> {
     let rates = (0..RATE_COUNT).filter(|rate| mask & 1 << rate != 0);
-    let distance = |rate: &u32| (hertz(*rate) / wanted).ln().abs();
+    let distance = |rate: &u32| (listed_hertz(*rate) / wanted).ln().abs();
     rates.min_by(|one, other| distance(one).total_cmp(&distance(other)))
 }
 
 /// Returns the rate that is as fast as the images a second, or the next slower one.
 pub(super) fn rate_not_above(wanted: f64) -> u32 {
     // A packet more or less makes a rate of format 7 a little slower.
-    let good = |rate: &u32| hertz(*rate) <= wanted * 1.01;
+    let good = |rate: &u32| listed_hertz(*rate) <= wanted * 1.01;
     (0..RATE_COUNT).rev().find(good).unwrap_or(0)
 }
 
@@ -94,7 +98,7 @@ pub(super) fn listed(mask: u32) -> String {
     numbers.join(", ")
 }
 
-/// Returns a window with the sides that are 0 filled in: the largest usual size that the sensor has, or else all of it.
+/// Returns a window with the sides that are 0 filled in: the largest usual size that the sensor has, or else all of it from there on.
 pub(super) fn usual_window(window: Window, limits: &WindowLimits) -> Window {
     if window.width > 0 && window.height > 0 {
         return window;
@@ -109,7 +113,10 @@ pub(super) fn usual_window(window: Window, limits: &WindowLimits) -> Window {
         );
         width <= limits.width && height <= limits.height
     });
-    let (width, height) = fitting.max().unwrap_or((limits.width, limits.height));
+    let (width, height) = fitting.max().unwrap_or((
+        limits.width.saturating_sub(window.x),
+        limits.height.saturating_sub(window.y),
+    ));
     Window {
         width: if window.width > 0 {
             window.width
@@ -209,14 +216,14 @@ mod tests {
         let rates = [1.875, 3.75, 7.5, 15.0, 30.0, 60.0, 120.0, 240.0];
         for (rate, expected) in rates.into_iter().enumerate() {
             let rate = rate as u32;
-            assert_eq!(hertz(rate), expected);
+            assert_eq!(hertz(rate), Some(expected));
             assert_eq!(nearest_rate(0xff, expected * 1.3), Some(rate));
             assert_eq!(nearest_rate(0xff, expected * 0.8), Some(rate));
             assert_eq!(rate_not_above(expected), rate);
             assert_eq!(rate_not_above(expected * 1.9), rate);
             assert_eq!(rate_not_above(expected * 0.995), rate);
         }
-        assert_eq!(hertz(40), 240.0);
+        assert_eq!((hertz(8), hertz(40), hertz(u32::MAX)), (None, None, None));
         assert_eq!(nearest_rate(0b100, 60.0), Some(2));
         assert_eq!(nearest_rate(0x100, 60.0), None);
         assert_eq!((rate_not_above(0.1), rate_not_above(1000.0)), (0, 7));
@@ -317,6 +324,10 @@ mod tests {
         assert_eq!(
             usual_window(Window::default(), &small),
             window(100, 80, 0, 0)
+        );
+        assert_eq!(
+            usual_window(window(0, 0, 40, 20), &small),
+            window(60, 60, 40, 20)
         );
     }
 }
