@@ -17,10 +17,14 @@ use crate::{
 ///
 /// * A dedicated thread owns the camera. It takes the images as they come, converts them to red, green and blue, and never waits for
 ///   readers, who get the newest. The time of an image is the time at which the library handed it over.
-/// * Calls for features and settings are executed by that thread one after the other, and fail after 10 s.
-/// * A frame of which a part was lost is no image.
-/// * An unplugged camera is opened again when it is back, with mode, rate, window and features as they were set. Until its next image,
-///   images are refused with an error that names the failed step, the camera, and what to try.
+/// * Of several frames that wait, only the newest becomes an image.
+/// * Calls for features and settings are executed by that thread one after the other, and fail after 10 s; a call that has failed so before its
+///   turn is not executed later.
+/// * On USB, a frame of which a part was lost is no image. On IEEE 1394 libdc1394 does not tell lost packets: an image there may contain lines of
+///   an older one.
+/// * An unplugged camera is opened again when it is back, by its GUID, with mode, rate, window and features as they were set. Until its next image,
+///   images are refused with an error that names the failed step, the camera, and what to try. On USB, file descriptors, buffers and a thread of the
+///   library stay behind in the process each time; after 16 times no camera is opened any more.
 /// * Features are those of the camera; mirroring swaps the pixels after they were taken.
 /// * Raw images are the values of the sensor, if the camera sends them (grey and RAW codings); else grey.
 ///
