@@ -278,7 +278,7 @@ impl CaptureThread {
                 Some(Err(reason)) => {
                     if let Some(count) = self.left_out.count(Instant::now()) {
                         let device = &self.shared.capture.device;
-                        tracing::warn!("{device}: {count} images left out, the last: {reason}");
+                        tracing::warn!("{device}: images left out: {count}, the last: {reason}");
                     }
                     defect = Some(reason);
                 }
