@@ -350,7 +350,7 @@ impl OpenedCamera {
     /// Submits the requests for frames that were answered again; returns false if the camera takes none.
     ///
     /// The library closes the device and then frees its requests. Closing clears the handle of those that wait only; one that was
-    /// answered would keep the address of a freed handle.
+    /// answered would keep the address of a freed handle. libusb 1.0.26 does not read it; this is for other versions.
     fn submit_requests(&mut self) -> bool {
         for _ in 0..2 * BUFFER_COUNT {
             let (code, frame) = self.dequeue();
@@ -478,7 +478,7 @@ impl Drop for OpenedCamera {
             outcome = self.end_transmission();
         }
         if self.capturing && self.is_usb && (is_gone || !self.submit_requests()) {
-            // Its requests for frames have failed, and the library would read freed memory when it closes the camera.
+            // All its requests for frames have failed. libusb 1.0.26 crashes when the library closes such a camera.
             let count = LEFT_BEHIND.fetch_add(1, Ordering::Relaxed) + 1;
             tracing::warn!(
                 "{}: the camera is gone; about 10 file descriptors, {BUFFER_COUNT} buffers and a thread of libdc1394 stay behind, \
