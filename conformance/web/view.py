@@ -475,7 +475,9 @@ def tidied(world, stack):
     for name in ("/wam/rpc:i", "/baskets/left"):
         world.await_port(name)
     check("other programs find the table", True)
-    browser.until("an object is in its basket", "return document.getElementById('progress').value === 1 && document.getElementById('progress').max === 2")
+    # The arm moves at the speed of a real one, and slower on a machine that computes something else.
+    progress = "document.getElementById('progress')"
+    browser.until("an object is in its basket", f"return {progress}.value >= 1 && {progress}.max === 2", timeout=3 * PATIENCE)
     check_quiet(browser, "the view of a table that is tidied")
     tidying.end()
 

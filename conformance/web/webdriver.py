@@ -95,9 +95,9 @@ class Browser:
         """Runs a function body in the page and gives what it returns."""
         return self.ask("POST", "/execute/sync", {"script": text, "args": list(arguments)})
 
-    def until(self, what, text, *arguments):
+    def until(self, what, text, *arguments, timeout=PATIENCE):
         """Waits until a function body returns something true, and gives that."""
-        end = time.monotonic() + PATIENCE
+        end = time.monotonic() + timeout
         while True:
             found = self.script(text, *arguments)
             if found:
