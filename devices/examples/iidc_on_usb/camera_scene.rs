@@ -1,5 +1,7 @@
 //! The scene in front of the simulated camera: colour bars that move, under a row of marks with the number of the frame.
 
+use yarp_devices::pseudo_random::Random;
+
 /// Number of marks in the upper row: bits of the frame's number, the lowest first.
 pub(crate) const MARKS: usize = 12;
 /// Height of the row of marks, pixels.
@@ -39,15 +41,16 @@ pub(crate) fn is_inside(number: u32, x: usize, y: usize) -> bool {
         .all(|(column, line)| colour(number, column, line) == own)
 }
 
-/// Numbers that look like noise.
-pub(crate) struct Noise(pub(crate) u32);
+/// Noise of the sensor, in steps of the light.
+pub(crate) struct Noise(Random);
 
 impl Noise {
+    pub(crate) fn new(seed: u64) -> Self {
+        Self(Random::new(seed))
+    }
+
     fn next(&mut self) -> i32 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 17;
-        self.0 ^= self.0 << 5;
-        (self.0 % 5) as i32 - 2
+        self.0.below(5) as i32 - 2
     }
 }
 

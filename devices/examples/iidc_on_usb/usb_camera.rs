@@ -213,7 +213,7 @@ impl Link {
 
     /// Sends frames at the rate of the registers until the camera is unplugged. A frame that nobody waits for is lost.
     fn send_frames(&self, state: &Mutex<State>) {
-        let mut noise = Noise(0x1394_1394);
+        let mut noise = Noise::new(0x1394_1394);
         let mut next = Instant::now();
         let mut was_sending = false;
         loop {

@@ -5,7 +5,8 @@ use std::sync::mpsc::sync_channel;
 
 use super::IidcOptions;
 use super::iidc_session::Session;
-use super::iidc_thread::{CALL_TIMEOUT, CaptureThread, Shared, TaskSender, task_queue};
+use super::iidc_state::Shared;
+use super::iidc_thread::{CALL_TIMEOUT, CaptureThread, TaskSender, task_queue};
 use crate::camera::hardware::{CaptureHandle, Lens, check_mirror};
 use crate::image::Frame;
 use crate::{

@@ -8,9 +8,8 @@ use super::bindings::{
 };
 use super::frame_conversion::{Coding, FrameError, check_buffer, checked_size};
 use super::iidc_options::FORMAT_7;
-use super::iidc_thread::Shared;
+use super::iidc_state::Shared;
 use super::opened_camera::OpenedCamera;
-use super::session_features::ChosenFeature;
 use super::video_modes::{
     check_window, fixed_mode, hertz, image_bytes, listed, nearest_rate, packet_bytes, packet_rate,
     rate_not_above, usual_window,
@@ -47,6 +46,15 @@ struct Region {
 struct BusSetting {
     is_1394b: Option<bool>,
     iso_speed: Option<u32>,
+}
+
+/// Settings of a feature that callers have made.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct ChosenFeature {
+    pub(super) active: Option<bool>,
+    pub(super) automatic: Option<bool>,
+    pub(super) value: Option<u32>,
+    pub(super) pair: Option<(u32, u32)>,
 }
 
 /// A camera that may be unplugged and come back.

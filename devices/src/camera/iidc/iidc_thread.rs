@@ -1,7 +1,7 @@
 //! The thread that owns the camera: it takes images, executes the tasks of callers, and opens an unplugged camera again.
 
+use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use rustix::event::{EventfdFlags, PollFd, PollFlags, Timespec, eventfd, poll};
@@ -10,10 +10,11 @@ use rustix::fd::OwnedFd;
 use super::bindings::{FIRST_CODING, FIRST_FILTER};
 use super::frame_conversion::{FrameError, FrameLayout};
 use super::iidc_session::Session;
+use super::iidc_state::Shared;
 use super::opened_camera::FrameView;
-use crate::camera::hardware::{CaptureState, Failure, REOPEN_INTERVAL, chain, mirrored};
+use crate::camera::hardware::{Failure, REOPEN_INTERVAL, chain, mirrored};
 use crate::image::Image;
-use crate::{CameraDescription, DeviceError, clock};
+use crate::{DeviceError, clock};
 
 /// Longest wait for a frame or a task, after which the thread looks whether it shall end.
 const POLL_INTERVAL: Duration = Duration::from_millis(100);
@@ -32,39 +33,6 @@ struct Task {
     /// Time at which the caller stops waiting.
     deadline: Instant,
     run: Box<dyn FnOnce(&mut Session) + Send>,
-}
-
-/// State that the thread shares with the callers.
-pub(super) struct Shared {
-    pub(super) capture: Arc<CaptureState>,
-    state: Mutex<State>,
-    frame_timeout: Duration,
-}
-
-/// Choices of the callers, and what the camera says.
-pub(super) struct State {
-    pub(super) size: (usize, usize),
-    pub(super) mirrored: bool,
-    pub(super) description: CameraDescription,
-}
-
-impl Shared {
-    /// Creates the state of a camera that is not open yet.
-    pub(super) fn new(device: &str, is_mirrored: bool, frame_timeout: Duration) -> Self {
-        Self {
-            capture: Arc::new(CaptureState::new(device)),
-            state: Mutex::new(State {
-                size: (0, 0),
-                mirrored: is_mirrored,
-                description: CameraDescription::default(),
-            }),
-            frame_timeout,
-        }
-    }
-
-    pub(super) fn state(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
 }
 
 /// The callers' end of the thread's queue of tasks.

@@ -12,6 +12,7 @@
 //! | `iidc_options` | [`IidcOptions`], [`IidcChoice`], [`IidcFormat`] |
 //! | `iidc_thread` | takes images, executes the tasks of callers, and opens an unplugged camera again |
 //! | `iidc_session` | the camera with its settings, which are made again after it was unplugged |
+//! | `iidc_state` | state that the thread shares with the callers |
 //! | `session_features` | features as registers of the camera |
 //! | `video_modes` | sizes, codings and rates of the specification; choice among them |
 //! | `frame_conversion` | frames to images |
@@ -26,6 +27,7 @@ mod iidc_camera;
 mod iidc_firewire;
 mod iidc_options;
 mod iidc_session;
+mod iidc_state;
 mod iidc_thread;
 mod library;
 mod opened_camera;

@@ -5,18 +5,9 @@
 //! when a value is set, as in stock's driver.
 
 use super::bindings::{FIRST_FEATURE, MODE_AUTO, MODE_MANUAL, MODE_ONE_PUSH};
-use super::iidc_session::Session;
+use super::iidc_session::{ChosenFeature, Session};
 use crate::camera::hardware::{ControlRange, check_fraction};
 use crate::{DeviceError, Feature, FeatureMode};
-
-/// Settings of a feature that callers have made.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct ChosenFeature {
-    active: Option<bool>,
-    automatic: Option<bool>,
-    value: Option<u32>,
-    pair: Option<(u32, u32)>,
-}
 
 /// Returns the library's number of a feature.
 fn raw(feature: u32) -> i32 {
