@@ -6,6 +6,7 @@ cd "$(dirname "$0")/../.."
 library() { ldconfig -p | sed -n "s|.*libdc1394\.so\.[0-9]* .*=> ||p" | head -n 1; }
 if [ -z "$(library)" ]; then
     if [ "$(id -u)" = 0 ]; then as_root=""; else as_root="sudo"; fi
-    $as_root apt-get install -y -q --no-install-recommends libdc1394-25 </dev/null
+    install() { $as_root apt-get -o DPkg::Lock::Timeout=300 install -y -q --no-install-recommends libdc1394-25 </dev/null; }
+    install || { $as_root apt-get update -q && install; }
 fi
 LIBRARIES="$(library)" DEADLINE="${CAMERA_DEADLINE:-600}" conformance/kernel/boot.sh iidc iidc_on_usb conformance/iidc
