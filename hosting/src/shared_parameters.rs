@@ -13,6 +13,15 @@ pub(crate) fn flag(parameters: &Parameters, name: &str) -> Result<bool, HostErro
     })
 }
 
+/// Warns of parameters that are given and have no effect.
+pub(crate) fn warn_of_ignored(parameters: &Parameters, names: &[impl AsRef<str>]) {
+    for name in names.iter().map(AsRef::as_ref) {
+        if parameters.has(name) {
+            tracing::warn!("{}: parameter {name} has no effect", parameters.device());
+        }
+    }
+}
+
 /// Reads a list of `N` numbers within a range.
 pub(crate) fn numbers<const N: usize>(
     parameters: &Parameters,

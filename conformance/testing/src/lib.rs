@@ -1,5 +1,6 @@
-//! Helpers that the tests of all crates share: polling, and bytes as hexadecimal text.
+//! Helpers that the tests of all crates share: polling, bytes as hexadecimal text, and errors with their sources.
 
+use std::error::Error;
 use std::fmt::Write;
 use std::thread;
 use std::time::{Duration, Instant};
@@ -57,6 +58,14 @@ pub fn from_hex(text: &str) -> Vec<u8> {
         .chunks_exact(2)
         .map(|pair| (pair[0] * 16 + pair[1]) as u8)
         .collect()
+}
+
+/// Returns an error and its sources, on one line.
+pub fn error_chain(error: &dyn Error) -> String {
+    match error.source() {
+        Some(source) => format!("{error}: {}", error_chain(source)),
+        None => error.to_string(),
+    }
 }
 
 #[cfg(test)]

@@ -1,6 +1,5 @@
 //! Scenarios on the virtual camera.
 
-use std::error::Error;
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -9,6 +8,7 @@ use yarp_devices::image::Image;
 use yarp_devices::{
     DeviceError, Feature, FeatureMode, FrameGrabberControls, FrameGrabberImage, RgbVisualParams,
 };
+use yarp_testing::error_chain;
 
 use super::vivid_controls::{choose, press, set};
 
@@ -83,15 +83,7 @@ fn options(device: &str) -> V4l2Options {
 }
 
 fn start(options: V4l2Options) -> V4l2Camera {
-    V4l2Camera::start(options).unwrap_or_else(|error| panic!("no camera: {}", chain(&error)))
-}
-
-/// Returns an error and its sources, on one line.
-fn chain(error: &dyn Error) -> String {
-    match error.source() {
-        Some(source) => format!("{error}: {}", chain(source)),
-        None => error.to_string(),
-    }
+    V4l2Camera::start(options).unwrap_or_else(|error| panic!("no camera: {}", error_chain(&error)))
 }
 
 fn wait_for<T>(what: &str, get: impl FnMut() -> Option<T>) -> T {
@@ -138,7 +130,7 @@ fn check_bars(image: &Image, expected: &[[u8; 3]; 8], what: &str) {
 }
 
 fn failure(camera: &V4l2Camera) -> String {
-    chain(&wait_for("the failure", || camera.image().err()))
+    error_chain(&wait_for("the failure", || camera.image().err()))
 }
 
 fn the_camera_offers_what_is_documented(device: &str) {
@@ -364,7 +356,7 @@ fn a_camera_in_use_is_refused(device: &str) {
     let refused = V4l2Camera::start(options(device))
         .err()
         .expect("it is in use");
-    let words = chain(&refused);
+    let words = error_chain(&refused);
     assert!(
         words.contains(device) && words.contains("other programs"),
         "{words}"
@@ -402,7 +394,7 @@ fn a_stream_that_cannot_start_is_an_error(device: &str) {
     ] {
         press(device, button);
         let refused = V4l2Camera::start(options(device)).err();
-        let words = chain(&refused.unwrap_or_else(|| panic!("{button} did nothing")));
+        let words = error_chain(&refused.unwrap_or_else(|| panic!("{button} did nothing")));
         assert!(words.contains(step) && words.contains(device), "{words}");
         check_bars(
             &next_image(&start(options(device))),

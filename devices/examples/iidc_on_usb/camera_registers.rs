@@ -7,10 +7,10 @@ pub(crate) const GUID: u64 = 0x00b0_9d01_00c0_ffee;
 /// Versions of IIDC, as the sub-version of the unit.
 pub(crate) const IIDC_1_30: u32 = 0;
 pub(crate) const IIDC_1_31: u32 = 0x10;
-/// Where the command registers begin.
+/// Address of the command registers.
 const BASE: u64 = 0xffff_f0f0_0000;
 const ROM: u64 = 0xffff_f000_0400;
-/// Where the registers of format 7 begin, relative to the command registers.
+/// Offset of the registers of format 7 from the command registers.
 const SCALABLE: u64 = 0x4000;
 /// Largest window, and its steps.
 pub(crate) const SENSOR: (u32, u32) = (320, 240);
@@ -27,7 +27,7 @@ pub(crate) const SHUTTER: u64 = 7;
 pub(crate) const GAIN: u64 = 8;
 pub(crate) const PAN: u64 = 17;
 
-/// What the camera is to send.
+/// Frames that the camera is to send.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Sending {
     pub(crate) coding: u32,

@@ -1,7 +1,6 @@
 //! Scenarios on the simulated camera.
 
 use std::collections::BTreeSet;
-use std::error::Error;
 use std::thread;
 use std::time::Duration;
 
@@ -11,6 +10,7 @@ use yarp_devices::{
     Bus, DeviceError, Feature, FeatureMode, FirewireControls, FrameGrabberControls,
     FrameGrabberImage, FrameGrabberImageRaw, RgbVisualParams, Window,
 };
+use yarp_testing::error_chain;
 
 use super::camera_registers::{
     BRIGHTNESS, GAIN, GUID, IIDC_1_30, IIDC_1_31, PAN, Registers, SHUTTER, WHITE_BALANCE,
@@ -89,7 +89,7 @@ const PERIOD: u32 = 16;
 const FORMAT_7: u32 = 24;
 
 fn start(options: IidcOptions) -> IidcCamera {
-    IidcCamera::start(options).unwrap_or_else(|error| panic!("no camera: {}", chain(&error)))
+    IidcCamera::start(options).unwrap_or_else(|error| panic!("no camera: {}", error_chain(&error)))
 }
 
 fn options() -> IidcOptions {
@@ -97,15 +97,7 @@ fn options() -> IidcOptions {
 }
 
 fn refusal(options: IidcOptions) -> String {
-    chain(&IidcCamera::start(options).err().expect("it is refused"))
-}
-
-/// Returns an error and its sources, on one line.
-fn chain(error: &dyn Error) -> String {
-    match error.source() {
-        Some(source) => format!("{error}: {}", chain(source)),
-        None => error.to_string(),
-    }
+    error_chain(&IidcCamera::start(options).err().expect("it is refused"))
 }
 
 fn wait_for<T>(what: &str, get: impl FnMut() -> Option<T>) -> T {
@@ -188,6 +180,11 @@ fn difference(image: &Image, number: u32, (left, top): (usize, usize), is_grey: 
         }
     }
     largest
+}
+
+/// Checks the next image of a camera, as [`check_image`] does.
+fn check_next(camera: &IidcCamera, size: (usize, usize), is_grey: bool, what: &str) -> u32 {
+    check_image(&next_frame(camera).image, size, is_grey, what)
 }
 
 /// Checks that an image is the frame whose number it shows.
@@ -306,18 +303,8 @@ fn images_are_those_that_were_sent() {
                 .format(IidcFormat::Fixed(mode))
                 .rate(30.0),
         );
-        let first = check_image(
-            &next_frame(&camera).image,
-            size,
-            is_grey,
-            &format!("mode {mode}"),
-        );
-        let second = check_image(
-            &next_frame(&camera).image,
-            size,
-            is_grey,
-            &format!("mode {mode}"),
-        );
+        let first = check_next(&camera, size, is_grey, &format!("mode {mode}"));
+        let second = check_next(&camera, size, is_grey, &format!("mode {mode}"));
         assert!(second > first, "{first} {second}");
         assert_eq!(camera.image_size().unwrap(), size);
     }
@@ -335,12 +322,7 @@ fn images_are_those_that_were_sent() {
         };
         let camera = start(IidcOptions::new().format(format).rate(30.0));
         let what = format!("coding {coding}");
-        check_image(
-            &next_frame(&camera).image,
-            (160, 120),
-            matches!(coding, 0 | 5),
-            &what,
-        );
+        check_next(&camera, (160, 120), matches!(coding, 0 | 5), &what);
         assert_eq!(camera.color_coding().unwrap(), coding);
     }
 }
@@ -442,12 +424,7 @@ fn modes_and_rates_reach_the_registers() {
     // The library's packets of 160 x 120 at 60 images a second, as of the specification: 240 pixels of 3 bytes.
     next_frame(&camera);
     assert!(camera.bytes_per_packet().unwrap() > 0);
-    check_image(
-        &next_frame(&camera).image,
-        (160, 120),
-        false,
-        "after refusals",
-    );
+    check_next(&camera, (160, 120), false, "after refusals");
 }
 
 fn windows_reach_the_registers() {
@@ -572,7 +549,7 @@ fn features_reach_the_registers() {
         .set_feature(Feature::Brightness, 128.0 / 255.0)
         .expect("it can be set");
     assert_eq!(register(BRIGHTNESS) & 0xfff, 128);
-    check_image(&next_frame(&camera).image, (160, 120), false, "brightness");
+    check_next(&camera, (160, 120), false, "brightness");
     camera
         .set_feature(Feature::Brightness, 98.0 / 255.0)
         .expect("it can be set");
@@ -670,7 +647,7 @@ fn check_rest(plugged: &UsbCamera, camera: &IidcCamera, what: &str) {
     assert!(plugged.state().frames <= frames + 1, "{what}");
     camera
         .image()
-        .unwrap_or_else(|error| panic!("{what}: {}", chain(&error)));
+        .unwrap_or_else(|error| panic!("{what}: {}", error_chain(&error)));
 }
 
 fn a_camera_that_is_switched_off_sends_nothing() {
@@ -734,7 +711,7 @@ fn frames_without_their_end_are_left_out() {
 }
 
 fn failure(camera: &IidcCamera) -> String {
-    chain(&wait_for("the failure", || camera.image().err()))
+    error_chain(&wait_for("the failure", || camera.image().err()))
 }
 
 fn only_the_newest_of_several_frames_is_converted() {
@@ -762,7 +739,7 @@ fn a_slow_change_is_no_failure() {
     plugged.state().latency = None;
     wait_for("the new size", || {
         let image = camera.image();
-        let image = image.unwrap_or_else(|error| panic!("{}", chain(&error)));
+        let image = image.unwrap_or_else(|error| panic!("{}", error_chain(&error)));
         (image.image.width() == 320).then_some(())
     });
 }
@@ -783,7 +760,7 @@ fn a_silent_camera_comes_back() {
     assert!(words.contains("a part of the frame was lost"), "{words}");
     plugged.state().truncate_every = 0;
     wait_for("images again", || camera.image().ok());
-    check_image(&next_frame(&camera).image, (160, 120), false, "back");
+    check_next(&camera, (160, 120), false, "back");
 }
 
 fn a_camera_without_images_does_not_start() {
@@ -826,10 +803,10 @@ fn a_claim_of_huge_frames_is_refused() {
     // A change that is refused leaves the mode as it was.
     let camera = start(self::options());
     plugged.state().registers.claimed_packets = Some(u32::MAX);
-    let words = chain(&camera.set_video_mode(FORMAT_7).unwrap_err());
+    let words = error_chain(&camera.set_video_mode(FORMAT_7).unwrap_err());
     assert!(words.contains("bytes for an image"), "{words}");
     assert_eq!(plugged.state().registers.video(), (0, 0, 4));
-    check_image(&next_frame(&camera).image, (160, 120), false, "still");
+    check_next(&camera, (160, 120), false, "still");
 }
 
 fn an_unplugged_camera_comes_back() {
@@ -855,7 +832,7 @@ fn an_unplugged_camera_comes_back() {
     println!("  {words}");
     assert!(camera.set_feature(Feature::Gain, 1.0).is_err());
     wait_for("another try", || {
-        chain(&camera.image().err()?)
+        error_chain(&camera.image().err()?)
             .contains("opening the camera again")
             .then_some(())
     });
@@ -863,7 +840,7 @@ fn an_unplugged_camera_comes_back() {
     let plugged = plug_in();
     let after = wait_for("images again", || camera.image().ok());
     assert!(after.number > before.number && after.time > before.time);
-    check_image(&next_frame(&camera).image, (320, 240), false, "back");
+    check_next(&camera, (320, 240), false, "back");
     let state = plugged.state();
     assert_eq!(state.registers.video(), (0, 1, 3));
     assert_eq!(state.registers.feature(GAIN) & 0xfff, 40);
@@ -899,12 +876,7 @@ fn a_camera_that_refuses_its_end_is_closed() {
         }
     }
     let camera = start(options());
-    check_image(
-        &next_frame(&camera).image,
-        (160, 120),
-        false,
-        "opened again",
-    );
+    check_next(&camera, (160, 120), false, "opened again");
 }
 
 fn another_camera_is_not_taken() {
@@ -914,7 +886,7 @@ fn another_camera_is_not_taken() {
     unplug(plugged);
     let other = plug_in_with(Registers::of_camera(GUID + 1, IIDC_1_31));
     wait_for("a look at the other camera", || {
-        let words = chain(&camera.image().err()?);
+        let words = error_chain(&camera.image().err()?);
         words.contains("00B09D0100C0FFEF").then_some(())
     });
     assert!(!other.state().registers.is_sending());
@@ -936,12 +908,7 @@ fn an_unplugged_camera_closes() {
     });
     let plugged = plug_in();
     let camera = start(options());
-    check_image(
-        &next_frame(&camera).image,
-        (160, 120),
-        false,
-        "opened again",
-    );
+    check_next(&camera, (160, 120), false, "opened again");
     drop(camera);
     assert!(!plugged.state().registers.is_sending());
 }

@@ -1,4 +1,4 @@
-//! What the simulated camera tells of itself as a device of USB: a Chameleon of Point Grey, with one bulk endpoint for images.
+//! USB descriptors of the simulated camera: a Chameleon of Point Grey, with one bulk endpoint for images.
 
 const VENDOR: u16 = 0x1e10;
 const PRODUCT: u16 = 0x2004;

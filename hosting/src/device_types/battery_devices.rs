@@ -19,6 +19,7 @@ use super::attached_server::{AttachedServer, check_period, single};
 use super::local_device::LocalDevice;
 use super::remote_board::cast;
 use super::{OpenResult, Opening};
+use crate::shared_parameters::warn_of_ignored;
 use crate::{Attached, HostError};
 
 /// Parameters of stock's server that have no effect here: it never shuts a machine down.
@@ -61,12 +62,7 @@ pub(super) async fn server(opening: Opening<'_>, layout: BatteryLayout) -> OpenR
         let period = check_period(parameters, period, "0.001 to 60 seconds")?;
         options = options.period(period);
     }
-    for ignored in IGNORED_PARAMETERS {
-        if parameters.has(ignored) {
-            let device = parameters.device();
-            tracing::warn!("{device}: parameter {ignored} has no effect");
-        }
-    }
+    warn_of_ignored(parameters, &IGNORED_PARAMETERS);
     let server = AttachedServer::<BatteryServer, _>::boxed;
     Ok(server(opening, name.to_string(), options, battery_of))
 }

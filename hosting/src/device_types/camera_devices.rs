@@ -21,7 +21,7 @@ use super::attached_server::{AttachedServer, check_period};
 use super::local_device::{self, LocalDevice};
 use super::remote_board::cast;
 use super::{OpenResult, Opening};
-use crate::shared_parameters::flag;
+use crate::shared_parameters::{flag, warn_of_ignored};
 use crate::{Attached, HostError};
 
 /// Parameters of stock's simulated camera that have no effect here.
@@ -53,11 +53,7 @@ pub(super) async fn simulated(opening: Opening<'_>) -> OpenResult {
 /// Reads the options of a simulated camera, and warns of those without an effect.
 pub(super) fn simulated_options(parameters: &Parameters) -> Result<CameraOptions, HostError> {
     let options = options(parameters)?;
-    for name in IGNORED_PARAMETERS {
-        if parameters.has(name) {
-            tracing::warn!("{}: parameter {name} has no effect", parameters.device());
-        }
-    }
+    warn_of_ignored(parameters, &IGNORED_PARAMETERS);
     Ok(options)
 }
 

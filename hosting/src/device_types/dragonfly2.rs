@@ -11,7 +11,7 @@ use super::camera_parameters::{features, field_of_view, lens, white_balance};
 use super::local_device::{self, LocalDevice};
 use super::{OpenResult, Opening};
 use crate::HostError;
-use crate::shared_parameters::flag;
+use crate::shared_parameters::{flag, warn_of_ignored};
 
 /// Parameters of stock that have no effect here: all buses are looked at, every camera is asked what it has, the time of an image is that
 /// of this machine, and the thread of a camera has the usual priority.
@@ -70,11 +70,7 @@ const VIDEO_TYPES: [VideoType; 11] = [
 pub(super) async fn open(opening: Opening<'_>) -> OpenResult {
     let parameters = opening.parameters;
     let options = options(parameters)?;
-    for name in IGNORED_PARAMETERS {
-        if parameters.has(name) {
-            tracing::warn!("{}: parameter {name} has no effect", parameters.device());
-        }
-    }
+    warn_of_ignored(parameters, &IGNORED_PARAMETERS);
     let camera = local_device::start(parameters, move || IidcCamera::start(options)).await?;
     Ok(Box::new(LocalDevice::camera(camera)))
 }

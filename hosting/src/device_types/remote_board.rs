@@ -12,6 +12,7 @@ use super::attached_server::not_opened;
 use super::local_device::LocalDevice;
 use super::{OpenResult, Opening};
 use crate::HostError;
+use crate::shared_parameters::warn_of_ignored;
 
 /// Parameters that stock reads and that have no effect here.
 const IGNORED_PARAMETERS: [&str; 5] = [
@@ -50,14 +51,7 @@ pub(super) fn options(
     if parameters.has(&named("ignoreProtocolCheck")) {
         options = options.ignore_protocol_version();
     }
-    for name in IGNORED_PARAMETERS {
-        if parameters.has(&named(name)) {
-            tracing::warn!(
-                "{}: parameter {group}{name} has no effect",
-                parameters.device()
-            );
-        }
-    }
+    warn_of_ignored(parameters, &IGNORED_PARAMETERS.map(named));
     Ok(options)
 }
 

@@ -9,20 +9,17 @@ use super::camera_parameters::{features, field_of_view, lens, white_balance};
 use super::local_device::{self, LocalDevice};
 use super::{OpenResult, Opening};
 use crate::HostError;
-use crate::shared_parameters::flag;
+use crate::shared_parameters::{flag, warn_of_ignored};
 
 /// Parameters of stock that have no effect here: images are always in colour, and two cameras in one image are one image.
 const IGNORED_PARAMETERS: [&str; 3] = ["pixelType", "dual", "verbose"];
 /// Model of cameras that need no conversion of their own.
 const DEFAULT_MODEL: &str = "default";
+
 pub(super) async fn open(opening: Opening<'_>) -> OpenResult {
     let parameters = opening.parameters;
     let options = options(parameters)?;
-    for name in IGNORED_PARAMETERS {
-        if parameters.has(name) {
-            tracing::warn!("{}: parameter {name} has no effect", parameters.device());
-        }
-    }
+    warn_of_ignored(parameters, &IGNORED_PARAMETERS);
     let camera = local_device::start(parameters, move || V4l2Camera::start(options)).await?;
     Ok(Box::new(LocalDevice::camera(camera)))
 }

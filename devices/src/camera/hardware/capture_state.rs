@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use crate::DeviceError;
 use crate::camera::LatestValue;
+use crate::error::chain;
 use crate::image::{Frame, Image};
 
 /// Interval at which a camera that failed is opened again.
@@ -42,17 +43,6 @@ impl Failure {
             advice: "whether it is plugged in; it is opened again every half second",
         }
     }
-}
-
-/// Returns an error and its sources, on one line.
-pub(in crate::camera) fn chain(error: &DeviceError) -> String {
-    let mut words = error.to_string();
-    let mut source = std::error::Error::source(error);
-    while let Some(error) = source {
-        words = format!("{words}: {error}");
-        source = error.source();
-    }
-    words
 }
 
 /// An image, with the values of the sensor of cameras that send them.

@@ -14,10 +14,10 @@ mod mirror;
 
 #[cfg(test)]
 pub(super) use capture_state::CLOSE_TIMEOUT;
-#[cfg(feature = "dc1394")]
-pub(super) use capture_state::chain;
 pub(super) use capture_state::{CaptureHandle, CaptureState, Failure, REOPEN_INTERVAL};
-pub(super) use common_options::{CommonOptions, Lens};
+pub(super) use common_options::{
+    CommonOptions, FeatureValue, Lens, check_rate, common_option_methods,
+};
 pub(super) use feature_range::{ControlRange, check_fraction, check_mirror};
 pub(super) use mirror::mirrored;
 

@@ -48,6 +48,11 @@ const CODING_COUNT: usize = 11;
 /// Length of lists of modes of a feature (`DC1394_FEATURE_MODE_NUM`).
 const FEATURE_MODE_COUNT: usize = 3;
 
+/// Returns a number of the library as an index of its list, which begins at `first`.
+pub(super) fn index(number: i32, first: i32) -> u32 {
+    u32::try_from(number.wrapping_sub(first)).unwrap_or(u32::MAX)
+}
+
 /// A list, of which the first `count` items are set (`dc1394video_modes_t` and so on).
 #[repr(C)]
 #[derive(Debug)]
@@ -78,10 +83,10 @@ impl<const LENGTH: usize> List<LENGTH> {
 
     /// Returns the items as a mask, counted from `first`.
     pub(super) fn mask(&self, first: i32) -> u32 {
-        let places = self.items().iter().map(|item| item.wrapping_sub(first));
-        places
-            .filter(|place| (0..32).contains(place))
-            .fold(0, |mask, place| mask | 1 << place)
+        let indices = self.items().iter().map(|item| index(*item, first));
+        indices
+            .filter(|index| *index < u32::BITS)
+            .fold(0, |mask, index| mask | 1 << index)
     }
 }
 

@@ -1,13 +1,10 @@
 //! Options of an IIDC camera.
 
 use std::fmt;
-use std::time::Duration;
 
-use crate::camera::hardware::CommonOptions;
-use crate::{DeviceError, Feature, Intrinsics, Window};
+use crate::camera::hardware::{CommonOptions, check_rate, common_option_methods};
+use crate::{DeviceError, Window};
 
-/// Range of the rate, images per second.
-const RATES: std::ops::RangeInclusive<f64> = 0.1..=1000.0;
 /// Number of the last video mode.
 const LAST_MODE: u32 = 31;
 /// Number of the last video mode with a size of its own.
@@ -89,51 +86,11 @@ impl IidcOptions {
         self
     }
 
-    /// Swaps left and right.
-    pub fn mirrored(mut self, mirrored: bool) -> Self {
-        self.common.mirrored = mirrored;
-        self
-    }
-
-    /// Sets the maximum time without an image, 0.1 to 60 s, after which the camera counts as failed and is opened again.
-    pub fn frame_timeout(mut self, timeout: Duration) -> Self {
-        self.common.frame_timeout = timeout;
-        self
-    }
-
-    /// Sets the reported horizontal and vertical angles of view, degrees.
-    pub fn field_of_view(mut self, across: f64, down: f64) -> Self {
-        self.common.field_of_view = Some((across, down));
-        self
-    }
-
-    /// Sets the reported lens.
-    pub fn intrinsics(mut self, intrinsics: Intrinsics) -> Self {
-        self.common.intrinsics = Some(intrinsics);
-        self
-    }
-
-    /// Sets a feature at the start, 0 to 1. A camera that does not have it still starts, with a warning.
-    pub fn feature(mut self, feature: Feature, value: f64) -> Self {
-        self.common.features.push((feature, value));
-        self
-    }
-
-    /// Sets the white balance at the start: blue and red, 0 to 1.
-    pub fn white_balance(mut self, blue: f64, red: f64) -> Self {
-        self.common.white_balance = Some((blue, red));
-        self
-    }
+    common_option_methods!();
 
     /// Refuses values out of range.
     pub(super) fn check(&self) -> Result<(), DeviceError> {
-        if let Some(rate) = self.rate.filter(|rate| !RATES.contains(rate)) {
-            return Err(DeviceError::Unsuitable {
-                what: "images a second:",
-                asked: rate.to_string(),
-                expected: "0.1 to 1000".to_owned(),
-            });
-        }
+        check_rate(self.rate)?;
         for format in &self.formats {
             let good = match *format {
                 IidcFormat::Fixed(mode) => mode <= LAST_FIXED_MODE,
@@ -155,6 +112,8 @@ impl IidcOptions {
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use super::*;
 
     #[test]

@@ -4,19 +4,20 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::bindings::{
-    FIRST_CODING, FIRST_MODE, FIRST_RATE, ISO_SPEED_400, OPERATION_MODE_LEGACY, RECOMMENDED,
+    FIRST_CODING, FIRST_MODE, FIRST_RATE, ISO_SPEED_400, OPERATION_MODE_LEGACY, RECOMMENDED, index,
 };
 use super::frame_conversion::{Coding, FrameError, check_buffer, checked_size};
 use super::iidc_options::FORMAT_7;
 use super::iidc_state::Shared;
 use super::opened_camera::OpenedCamera;
 use super::video_modes::{
-    check_window, fixed_mode, hertz, image_bytes, listed, nearest_rate, packet_bytes, packet_rate,
-    rate_not_above, usual_window,
+    check_window, contains, fixed_mode, hertz, image_bytes, listed, nearest_rate, numbers,
+    packet_bytes, packet_rate, rate_not_above, usual_window,
 };
 use super::{IidcChoice, IidcFormat, IidcOptions};
+use crate::camera::hardware::FeatureValue;
 use crate::image::PixelFormat;
-use crate::{Bus, CameraConfiguration, DeviceError, Feature, Window, WindowLimits};
+use crate::{Bus, CameraConfiguration, DeviceError, Window, WindowLimits};
 
 const ON: i32 = 1;
 /// Factory settings (IIDC: memory channel 0).
@@ -145,16 +146,13 @@ impl Session {
 
     /// Sets the speed of the bus that a caller has chosen, or else the usual one.
     fn set_starting_speed(&self) -> Result<(), DeviceError> {
-        let camera = self.camera()?;
-        let set = camera.api().video_set_iso_speed;
         if let Some(speed) = self.bus.iso_speed {
-            let speed = i32::try_from(speed).unwrap_or(i32::MAX);
-            return camera.set("setting the speed of the bus", speed, set);
+            return self.write_iso_speed(i32::try_from(speed).unwrap_or(i32::MAX));
         }
-        let Some(speed) = usual_speed(camera.description().bus) else {
+        let Some(speed) = usual_speed(self.camera()?.description().bus) else {
             return Ok(());
         };
-        if let Err(error) = camera.set("setting the speed of the bus", speed, set) {
+        if let Err(error) = self.write_iso_speed(speed) {
             let device = &self.shared.capture.device;
             match self.is_repeated() {
                 false => tracing::info!("{device}: {error}"),
@@ -162,6 +160,12 @@ impl Session {
             }
         }
         Ok(())
+    }
+
+    fn write_iso_speed(&self, speed: i32) -> Result<(), DeviceError> {
+        let camera = self.camera()?;
+        let set = camera.api().video_set_iso_speed;
+        camera.set("setting the speed of the bus", speed, set)
     }
 
     /// Returns true from the second reopening on, of which messages were logged before.
@@ -259,9 +263,9 @@ impl Session {
         let mut chosen = None;
         for format in &self.options.formats {
             let has = match *format {
-                IidcFormat::Fixed(mode) => mask & 1 << mode != 0,
+                IidcFormat::Fixed(mode) => contains(mask, mode),
                 IidcFormat::Scalable { mode, coding, .. } => {
-                    mask & 1 << mode != 0 && self.codings(mode)? & 1 << coding != 0
+                    contains(mask, mode) && contains(self.codings(mode)?, coding)
                 }
             };
             if has {
@@ -276,7 +280,7 @@ impl Session {
             });
             let asked: Vec<_> = asked.collect();
             let mut scalable = String::new();
-            for mode in (FORMAT_7..32).filter(|mode| mask & 1 << mode != 0) {
+            for mode in numbers(mask).filter(|mode| *mode >= FORMAT_7) {
                 scalable = format!(
                     "{scalable}; {mode} with coding {}",
                     listed(self.codings(mode)?)
@@ -388,7 +392,7 @@ impl Session {
         let coding = camera.get_of("reading the coding", item, api.format7_get_color_coding)?;
         let step = "reading the bytes in a packet";
         Ok(Region {
-            coding: number(coding, FIRST_CODING),
+            coding: index(coding, FIRST_CODING),
             window: Window {
                 width,
                 height,
@@ -420,7 +424,7 @@ impl Session {
         Ok(VideoSetting {
             mode,
             size: (width as usize, height as usize),
-            rate: Some(number(rate, FIRST_RATE)),
+            rate: Some(index(rate, FIRST_RATE)),
             region: None,
         })
     }
@@ -448,13 +452,13 @@ impl Session {
     pub(super) fn mode(&self) -> Result<u32, DeviceError> {
         let camera = self.camera()?;
         let mode = camera.get("reading the video mode", camera.api().video_get_mode)?;
-        Ok(number(mode, FIRST_MODE))
+        Ok(index(mode, FIRST_MODE))
     }
 
     /// Sets the video mode; in format 7 with the window that the camera has there.
     pub(super) fn set_mode(&mut self, mode: u32) -> Result<(), DeviceError> {
         let mask = self.modes()?;
-        if mode > 31 || mask & 1 << mode == 0 {
+        if !contains(mask, mode) {
             return Err(DeviceError::Unsuitable {
                 what: "video mode",
                 asked: mode.to_string(),
@@ -477,7 +481,7 @@ impl Session {
         let camera = self.camera()?;
         let rate = camera.get("reading the rate", camera.api().video_get_framerate)?;
         // A rate that IIDC does not list says nothing; the fastest is taken.
-        let rate = hertz(number(rate, FIRST_RATE));
+        let rate = hertz(index(rate, FIRST_RATE));
         self.apply_rate(rate.unwrap_or(f64::MAX))
     }
 
@@ -509,13 +513,13 @@ impl Session {
         }
         let camera = self.camera()?;
         let rate = camera.get("reading the rate", camera.api().video_get_framerate)?;
-        Ok(number(rate, FIRST_RATE))
+        Ok(index(rate, FIRST_RATE))
     }
 
     /// Sets the rate; in format 7 by the bytes in a packet.
     pub(super) fn set_rate(&mut self, rate: u32) -> Result<(), DeviceError> {
         let mask = self.rates()?;
-        if rate > 31 || mask & 1 << rate == 0 {
+        if !contains(mask, rate) {
             return Err(DeviceError::Unsuitable {
                 what: "rate",
                 asked: rate.to_string(),
@@ -548,7 +552,7 @@ impl Session {
         };
         let mask = self.modes()?;
         let mut sizes = Vec::new();
-        for mode in (0..32).filter(|mode| mask & 1 << mode != 0) {
+        for mode in numbers(mask) {
             if mode >= FORMAT_7 {
                 let limits = self.limits_of(mode)?;
                 if let Ok(size) = checked_size(limits.width, limits.height) {
@@ -598,7 +602,7 @@ impl Session {
     pub(super) fn set_coding(&mut self, coding: u32) -> Result<(), DeviceError> {
         let mode = self.mode()?;
         let mask = self.codings(mode)?;
-        if coding > 31 || mask & 1 << coding == 0 {
+        if !contains(mask, coding) {
             return Err(DeviceError::Unsuitable {
                 what: "colour coding",
                 asked: coding.to_string(),
@@ -632,7 +636,7 @@ impl Session {
     /// Returns the limits of windows, in the first mode of format 7 if the camera is in none.
     pub(super) fn window_limits(&self) -> Result<WindowLimits, DeviceError> {
         let (mode, mask) = (self.mode()?, self.modes()?);
-        let scalable = (FORMAT_7..32).find(|one| mask & 1 << one != 0);
+        let scalable = numbers(mask).find(|one| *one >= FORMAT_7);
         let mode = Some(mode).filter(|mode| *mode >= FORMAT_7).or(scalable);
         let mode = mode.ok_or_else(|| DeviceError::NotSupported {
             what: "a window".to_owned(),
@@ -688,7 +692,7 @@ impl Session {
         let of_size = |mode: &u32| {
             fixed_mode(*mode).is_some_and(|(w, h, _)| (w as usize, h as usize) == (width, height))
         };
-        let modes = (0..FORMAT_7).filter(|mode| mask & 1 << mode != 0);
+        let modes = numbers(mask).filter(|mode| *mode < FORMAT_7);
         let same = |mode: &u32| fixed_mode(*mode).is_some_and(|(_, _, one)| one as u32 == coding);
         let fitting: Vec<u32> = modes.filter(of_size).collect();
         let chosen = fitting
@@ -747,18 +751,12 @@ impl Session {
             "reading the speed of the bus",
             camera.api().video_get_iso_speed,
         )?;
-        Ok(number(speed, 0))
+        Ok(index(speed, 0))
     }
 
     /// Sets the speed of the bus.
     pub(super) fn set_iso_speed(&mut self, speed: u32) -> Result<(), DeviceError> {
-        let camera = self.camera()?;
-        let value = i32::try_from(speed).unwrap_or(i32::MAX);
-        camera.set(
-            "setting the speed of the bus",
-            value,
-            camera.api().video_set_iso_speed,
-        )?;
+        self.write_iso_speed(i32::try_from(speed).unwrap_or(i32::MAX))?;
         self.bus.iso_speed = Some(speed);
         Ok(())
     }
@@ -863,22 +861,11 @@ impl Session {
 
     fn set_starting_features(&mut self) {
         let common = self.options.common.clone();
-        let outcomes: Vec<_> = common
-            .features
-            .iter()
-            .map(|(feature, value)| (*feature, self.set_value(*feature, *value)))
-            .collect();
-        let feature = Feature::WhiteBalance;
-        let pair = common.white_balance;
-        let pair = pair.map(|values| (feature, self.set_pair(feature, values)));
-        for (feature, outcome) in outcomes.into_iter().chain(pair) {
-            if let Err(error) = outcome {
-                tracing::warn!(
-                    "{}: {feature:?} is not set: {error}",
-                    self.shared.capture.device
-                );
-            }
-        }
+        let shared = Arc::clone(&self.shared);
+        common.set_features(&shared.capture.device, |feature, value| match value {
+            FeatureValue::One(value) => self.set_value(feature, value),
+            FeatureValue::Pair(values) => self.set_pair(feature, values),
+        });
     }
 
     fn apply_features(&self) {
@@ -915,11 +902,6 @@ fn raw_mode(mode: u32) -> i32 {
     FIRST_MODE + mode as i32
 }
 
-/// Returns a number of the library as an index of its list.
-fn number(value: i32, first: i32) -> u32 {
-    u32::try_from(value.wrapping_sub(first)).unwrap_or(u32::MAX)
-}
-
 fn not_open(shared: &Shared) -> DeviceError {
     DeviceError::Remote {
         peer: shared.capture.device.clone(),
@@ -942,7 +924,7 @@ mod tests {
     #[test]
     fn a_rate_outside_the_list_is_unknown() {
         assert_eq!(known_hertz(4).unwrap(), 30.0);
-        let words = known_hertz(number(0, FIRST_RATE)).unwrap_err().to_string();
+        let words = known_hertz(index(0, FIRST_RATE)).unwrap_err().to_string();
         assert!(words.contains("unknown rate"), "{words}");
     }
 }

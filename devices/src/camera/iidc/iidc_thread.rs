@@ -7,12 +7,13 @@ use std::time::{Duration, Instant};
 use rustix::event::{EventfdFlags, PollFd, PollFlags, Timespec, eventfd, poll};
 use rustix::fd::OwnedFd;
 
-use super::bindings::{FIRST_CODING, FIRST_FILTER};
+use super::bindings::{FIRST_CODING, FIRST_FILTER, index};
 use super::frame_conversion::{FrameError, FrameLayout};
 use super::iidc_session::Session;
 use super::iidc_state::Shared;
 use super::opened_camera::FrameView;
-use crate::camera::hardware::{Failure, REOPEN_INTERVAL, chain, mirrored};
+use crate::camera::hardware::{Failure, REOPEN_INTERVAL, mirrored};
+use crate::error::chain;
 use crate::image::Image;
 use crate::{DeviceError, clock};
 
@@ -289,12 +290,10 @@ fn images(frame: &FrameView<'_>) -> Result<(Image, Option<Image>), FrameError> {
     if frame.damaged {
         return Err(FrameError::Damaged);
     }
-    let number =
-        |value: i32, first: i32| u32::try_from(value.wrapping_sub(first)).unwrap_or(u32::MAX);
     let layout = FrameLayout::new(
         frame.size,
-        number(frame.coding, FIRST_CODING),
-        frame.filter.map(|filter| number(filter, FIRST_FILTER)),
+        index(frame.coding, FIRST_CODING),
+        frame.filter.map(|filter| index(filter, FIRST_FILTER)),
         frame.depth,
         frame.little_endian,
     )?;

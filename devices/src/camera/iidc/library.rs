@@ -87,7 +87,7 @@ mod tests {
     #[test]
     fn a_missing_library_is_named_with_a_remedy() {
         let refused = first_of(&["libnone.so.1", "libnone.so.2"]).err().unwrap();
-        let words = crate::camera::hardware::chain(&refused);
+        let words = crate::error::chain(&refused);
         for part in [
             "libnone.so.1, libnone.so.2",
             "loading",
@@ -97,7 +97,7 @@ mod tests {
         }
         // A library that is not libdc1394 lacks its functions.
         let other = first_of(&["libc.so.6"]).err().unwrap();
-        let words = crate::camera::hardware::chain(&other);
+        let words = crate::error::chain(&other);
         assert!(words.contains("dc1394_new"), "{words}");
     }
 }

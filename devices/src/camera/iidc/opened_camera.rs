@@ -545,7 +545,7 @@ mod tests {
     fn too_many_lost_cameras_are_refused() {
         assert!(check_left_behind(MAX_LEFT_BEHIND - 1, IidcChoice::First).is_ok());
         let refused = check_left_behind(MAX_LEFT_BEHIND, IidcChoice::First).unwrap_err();
-        let words = crate::camera::hardware::chain(&refused);
+        let words = crate::error::chain(&refused);
         assert!(
             words.contains("restarting the program") && words.contains("16 unplugged"),
             "{words}"

@@ -60,7 +60,7 @@ fn listed_hertz(rate: u32) -> f64 {
 
 /// Returns the rate of a mask that is nearest to the images a second.
 pub(super) fn nearest_rate(mask: u32, wanted: f64) -> Option<u32> {
-    let rates = (0..RATE_COUNT).filter(|rate| mask & 1 << rate != 0);
+    let rates = numbers(mask).filter(|rate| *rate < RATE_COUNT);
     let distance = |rate: &u32| (listed_hertz(*rate) / wanted).ln().abs();
     rates.min_by(|one, other| distance(one).total_cmp(&distance(other)))
 }
@@ -91,10 +91,19 @@ pub(super) fn image_bytes(width: u32, height: u32, coding: Coding) -> u64 {
     (u64::from(width) * u64::from(height) * coding.bits() as u64).div_ceil(8)
 }
 
+/// Returns whether a mask has a number.
+pub(super) fn contains(mask: u32, number: u32) -> bool {
+    number < u32::BITS && mask & 1 << number != 0
+}
+
+/// Returns the numbers of a mask.
+pub(super) fn numbers(mask: u32) -> impl Iterator<Item = u32> {
+    (0..u32::BITS).filter(move |number| contains(mask, *number))
+}
+
 /// Returns the numbers of a mask, as a list.
 pub(super) fn listed(mask: u32) -> String {
-    let numbers = (0..32).filter(|number| mask & 1 << number != 0);
-    let numbers: Vec<String> = numbers.map(|number| number.to_string()).collect();
+    let numbers: Vec<String> = numbers(mask).map(|number| number.to_string()).collect();
     numbers.join(", ")
 }
 

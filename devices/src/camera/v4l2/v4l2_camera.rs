@@ -7,7 +7,7 @@ use super::linux_driver::LinuxDriver;
 use super::mode_selection::{Wanted, choose};
 use super::v4l2_options::V4l2Options;
 use super::video_driver::VideoDriver;
-use crate::camera::hardware::{CaptureHandle, Lens, check_mirror};
+use crate::camera::hardware::{CaptureHandle, FeatureValue, Lens, check_mirror};
 use crate::image::{Frame, PixelFormat};
 use crate::{
     CameraConfiguration, CameraDescription, Device, DeviceError, Feature, FeatureMode,
@@ -78,27 +78,15 @@ impl V4l2Camera {
             lens: Lens::new(&options.common),
             _thread: thread,
         };
-        camera.set_features(&options);
-        Ok(camera)
-    }
-
-    fn set_features(&self, options: &V4l2Options) {
-        let features = options.common.features.iter().map(|(feature, value)| {
-            let outcome = self.shared.controls().set_value(*feature, *value);
-            (*feature, outcome)
-        });
-        let white_balance = options.common.white_balance.map(|values| {
-            let feature = Feature::WhiteBalance;
-            (feature, self.shared.controls().set_pair(feature, values))
-        });
-        for (feature, outcome) in features.chain(white_balance) {
-            if let Err(error) = outcome {
-                tracing::warn!(
-                    "{}: {feature:?} is not set: {error}",
-                    self.shared.capture.device
-                );
+        let device = &camera.shared.capture.device;
+        options.common.set_features(device, |feature, value| {
+            let mut controls = camera.shared.controls();
+            match value {
+                FeatureValue::One(value) => controls.set_value(feature, value),
+                FeatureValue::Pair(values) => controls.set_pair(feature, values),
             }
-        }
+        });
+        Ok(camera)
     }
 
     fn known_feature(&self, feature: Feature) -> Result<(), DeviceError> {
