@@ -22,7 +22,7 @@ const BUFFER_COUNT: u32 = 4;
 const MAX_CAMERAS: usize = 63;
 /// Maximum number of attempts to end the transmission of a camera that is closed.
 const STOP_ATTEMPTS: usize = 3;
-/// Maximum number of lost cameras of which objects of the library stay behind in the process: about 10 file descriptors each, of
+/// Maximum number of lost cameras of which objects of the library stay behind in the process: about 8 file descriptors each, of
 /// usually 1024.
 const MAX_LEFT_BEHIND: usize = 16;
 const OFF: c_int = 0;
@@ -481,7 +481,7 @@ impl Drop for OpenedCamera {
             // All its requests for frames have failed. libusb 1.0.26 crashes when the library closes such a camera.
             let count = LEFT_BEHIND.fetch_add(1, Ordering::Relaxed) + 1;
             tracing::warn!(
-                "{}: the camera is gone; about 10 file descriptors, {BUFFER_COUNT} buffers and a thread of libdc1394 stay behind, \
+                "{}: the camera is gone; about 8 file descriptors, {BUFFER_COUNT} buffers and a thread of libdc1394 stay behind, \
                  time {count} of at most {MAX_LEFT_BEHIND} until the program is restarted",
                 self.peer
             );
