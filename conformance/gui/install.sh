@@ -18,17 +18,11 @@ yarp_git=${YARP_GIT:-https://github.com/robotology/yarp}
 ycm_git=${YCM_GIT:-https://github.com/robotology/ycm-cmake-modules}
 jobs=${JOBS:-2}
 
-packages=(xvfb openbox xdotool imagemagick x11-utils at-spi2-core dbus python3-gi gir1.2-atspi-2.0 python3-pil git
-    qtbase5-dev qtdeclarative5-dev qtmultimedia5-dev libqt5svg5-dev qml-module-qtquick2 qml-module-qtquick-window2
-    qml-module-qtquick-controls qml-module-qtquick-dialogs qml-module-qtquick-layouts qml-module-qtgraphicaleffects
-    qml-module-qt-labs-settings qml-module-qt-labs-folderlistmodel qml-module-qtmultimedia)
-if ! dpkg --status "${packages[@]}" >/dev/null 2>&1; then
-    if [ "$(id -u)" = 0 ]; then as_root=""; else as_root="sudo"; fi
-    export DEBIAN_FRONTEND=noninteractive
-    $as_root apt-get update -q
-    $as_root apt-get install -y -q --no-install-recommends build-essential cmake ninja-build libace-dev libtinyxml-dev \
-        libsqlite3-dev libedit-dev libeigen3-dev libjpeg-dev libpng-dev zlib1g-dev "${packages[@]}" </dev/null
-fi
+"$here/../install_packages.sh" build-essential cmake ninja-build libace-dev libtinyxml-dev libsqlite3-dev libedit-dev \
+    libeigen3-dev libjpeg-dev libpng-dev zlib1g-dev xvfb openbox xdotool imagemagick x11-utils at-spi2-core dbus python3-gi \
+    gir1.2-atspi-2.0 python3-pil git qtbase5-dev qtdeclarative5-dev qtmultimedia5-dev libqt5svg5-dev qml-module-qtquick2 \
+    qml-module-qtquick-window2 qml-module-qtquick-controls qml-module-qtquick-dialogs qml-module-qtquick-layouts \
+    qml-module-qtgraphicaleffects qml-module-qt-labs-settings qml-module-qt-labs-folderlistmodel qml-module-qtmultimedia
 mkdir -p "$into"
 
 # Puts files of a version of YARP into a folder: VERSION FOLDER FILES...

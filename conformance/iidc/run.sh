@@ -4,9 +4,5 @@
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 library() { ldconfig -p | sed -n "s|.*libdc1394\.so\.[0-9]* .*=> ||p" | head -n 1; }
-if [ -z "$(library)" ]; then
-    if [ "$(id -u)" = 0 ]; then as_root=""; else as_root="sudo"; fi
-    install() { $as_root apt-get -o DPkg::Lock::Timeout=300 install -y -q --no-install-recommends libdc1394-25 </dev/null; }
-    install || { $as_root apt-get update -q && install; }
-fi
+[ -n "$(library)" ] || conformance/install_packages.sh libdc1394-25
 LIBRARIES="$(library)" DEADLINE="${CAMERA_DEADLINE:-600}" conformance/kernel/boot.sh iidc iidc_on_usb conformance/iidc

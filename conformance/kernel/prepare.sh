@@ -8,11 +8,7 @@ shift 2
 modules="$*"
 
 if [ "$(id -u)" = 0 ]; then as_root=""; else as_root="sudo"; fi
-if ! command -v qemu-system-x86_64 >/dev/null; then
-    echo "kernel: installing QEMU"
-    $as_root apt-get update -q
-    $as_root apt-get install -y -q --no-install-recommends qemu-system-x86 </dev/null
-fi
+command -v qemu-system-x86_64 >/dev/null || "$(dirname "$0")/../install_packages.sh" qemu-system-x86
 
 # Two tests at once do not unpack into the same folder.
 mkdir -p "$cache"

@@ -3,14 +3,10 @@
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 
-missing=()
-command -v ip >/dev/null || missing+=(iproute2)
-# VLC without its windows, 35 MB.
-command -v cvlc >/dev/null || missing+=(vlc-bin vlc-plugin-base)
-if [ ${#missing[@]} != 0 ]; then
-    echo "live: installing ${missing[*]}"
-    if [ "$(id -u)" = 0 ]; then as_root=""; else as_root="sudo"; fi
-    $as_root apt-get update -q
-    $as_root apt-get install -y -q --no-install-recommends "${missing[@]}" </dev/null
-fi
+needed=()
+command -v ip >/dev/null || needed+=(iproute2)
+# VLC without its windows, 35 MB; it starts without its plugins, and plays nothing.
+scene=$(find /usr/lib /usr/local/lib -name libscene_plugin.so -print -quit)
+if [ -z "$scene" ] || ! command -v cvlc >/dev/null; then needed+=(vlc-bin vlc-plugin-base); fi
+conformance/install_packages.sh "${needed[@]}"
 conformance/web/setup.sh

@@ -20,7 +20,7 @@ import tempfile
 import time
 import zlib
 
-from checks import same, verdict
+from checks import check, same, verdict
 from tied import TIED
 
 # Seconds that VLC may take to start and show some pictures.
@@ -75,7 +75,7 @@ def seen(path):
 
 
 def watch(url, folder):
-    """Has VLC play `url` until it has seen the bar at three places; what it has seen there."""
+    """Has VLC play `url` until it has seen the bar at three places; what it has seen there, and its last messages."""
     command = [*TIED, "cvlc", "--no-audio", "--vout=dummy", "--video-filter=scene", "--scene-format=png"]
     command += ["--scene-ratio=7", f"--scene-path={folder}", "--scene-prefix=seen", url]
     if os.getuid() == 0:
@@ -100,9 +100,7 @@ def watch(url, folder):
         except ProcessLookupError:
             pass
         vlc.wait()
-    if len(places) < 3:
-        print((folder / "log").read_text(errors="replace")[-2000:])
-    return places
+    return places, (folder / "log").read_text(errors="replace")[-700:]
 
 
 def main():
@@ -113,11 +111,11 @@ def main():
         url = pictures.stdout.readline().strip()
         print(f"     VLC watches {url}")
         with tempfile.TemporaryDirectory() as folder:
-            places = watch(url, pathlib.Path(folder))
+            places, messages = watch(url, pathlib.Path(folder))
     finally:
         pictures.kill()
         pictures.wait()
-    same("VLC sees the bar move", len(places), 3)
+    check("VLC sees the bar move", len(places) == 3, f"bar at {sorted(places)}; messages of VLC: {messages!r}")
     for place, colours in sorted(places.items()):
         same(f"its pictures are as wide, bar at {place}", len(colours), WIDTH)
         halves = {"left": colours[: WIDTH // 2], "right": colours[WIDTH // 2 :]}

@@ -22,11 +22,8 @@ if [ -e "$stock/complete" ] && [ "$(cat "$stock/options.cmake")" = "$options" ];
     exit 0
 fi
 
-if [ "$(id -u)" = 0 ]; then as_root=""; else as_root="sudo"; fi
-export DEBIAN_FRONTEND=noninteractive
-$as_root apt-get update -q
-$as_root apt-get install -y -q build-essential cmake ninja-build swig libace-dev libtinyxml-dev \
-    libsqlite3-dev libedit-dev libeigen3-dev libjpeg-dev libpng-dev zlib1g-dev python3-venv </dev/null
+"$(dirname "$0")/../install_packages.sh" build-essential cmake ninja-build swig libace-dev libtinyxml-dev libsqlite3-dev \
+    libedit-dev libeigen3-dev libjpeg-dev libpng-dev zlib1g-dev python3-venv
 
 rm -rf "$stock"
 mkdir -p "$(dirname "$stock")"
