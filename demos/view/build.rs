@@ -1,14 +1,10 @@
-//! Bundles the three-dimensional part of the page with esbuild, if its packages are installed, and compresses it.
+//! Bundles the three-dimensional part of the page with esbuild, if its packages are installed.
 //!
 //! `npm ci` in `web/` installs them (`make setup` does it). Without them the page is built without 3D and says so. Nothing is downloaded here.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::{env, fs};
-
-use flate2::Compression;
-use flate2::write::GzEncoder;
 
 /// Command of the bundler, relative to `web/`.
 const BUNDLER: &str = "node_modules/.bin/esbuild";
@@ -17,7 +13,6 @@ fn main() {
     println!("cargo:rustc-check-cfg=cfg(scene_bundled)");
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR")).join("scene.js");
     bundle(&out);
-    compress(&out);
 }
 
 /// Writes the bundle to `out`, or nothing.
@@ -46,15 +41,6 @@ fn bundle(out: &Path) {
         Ok(status) => write_fallback(out, &format!("esbuild failed: {status}")),
         Err(error) => write_fallback(out, &format!("cannot run esbuild: {error}")),
     }
-}
-
-/// Writes a compressed copy beside a file.
-fn compress(path: &Path) {
-    let text = fs::read(path).expect("the bundle was written");
-    let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
-    encoder.write_all(&text).expect("memory can be written");
-    let compressed = encoder.finish().expect("memory can be written");
-    fs::write(path.with_extension("js.gz"), compressed).expect("OUT_DIR can be written");
 }
 
 fn write_fallback(out: &Path, reason: &str) {

@@ -1,10 +1,7 @@
 //! Files of the page, compiled into the program, and those that describe the robot.
 
 use std::future::ready;
-use std::io::Read;
-use std::sync::LazyLock;
 
-use flate2::read::GzDecoder;
 use serde_json::{Value as Json, json};
 use yarp_devices::wam::WamModel;
 use yarp_ports::{Network, Page};
@@ -57,24 +54,13 @@ const FILES: [(&str, &str, &str); 9] = [
 
 /// Address of the three-dimensional part.
 const SCENE: &str = "view/scene.js";
-/// The three-dimensional part, compressed: it is larger than the rest of the page together.
-const COMPRESSED_SCENE: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/scene.js.gz"));
+/// The three-dimensional part, which the build script bundles.
+const SCENE_SCRIPT: &str = include_str!(concat!(env!("OUT_DIR"), "/scene.js"));
 
 /// Address below which the description of the robot is.
 const ROBOT: &str = "robot/";
 /// Address of the URDF document.
 const URDF: &str = "robot/wam.urdf";
-
-/// Returns the three-dimensional part; decompressed at the first call.
-fn scene() -> &'static str {
-    static SCENE: LazyLock<String> = LazyLock::new(|| {
-        let mut text = String::new();
-        let read = GzDecoder::new(COMPRESSED_SCENE).read_to_string(&mut text);
-        read.expect("it was compressed when this program was built");
-        text
-    });
-    &SCENE
-}
 
 /// The page and the description of the robot.
 #[derive(Debug)]
@@ -127,7 +113,7 @@ impl PageFiles {
     fn at(&self, path: &str) -> Option<Response> {
         if path == SCENE {
             return Some(match crate::HAS_SCENE {
-                true => Response::new(SCRIPT, scene()),
+                true => Response::new(SCRIPT, SCENE_SCRIPT),
                 false => Response::not_found("This program was built without 3D.\n".to_owned()),
             });
         }
