@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 use std::io;
 use std::net::{Ipv4Addr, SocketAddrV4};
 use std::ops::RangeInclusive;
+use std::pin::Pin;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
@@ -271,7 +272,8 @@ impl Server {
     /// Starts a name server, which answers from then on. Registrations are lost when it ends.
     pub async fn start(options: ServerOptions) -> Result<Self, PortError> {
         let registry = options.registry(options.port);
-        Self::open(options, registry, |_| Ok(Persistence::Memory)).await
+        let registry = Arc::new(Mutex::new(registry));
+        Self::open(options, registry, Persistence::Memory).await
     }
 
     /// Starts a name server with the names in `store`, and stores changes there: a change is stored
@@ -282,13 +284,9 @@ impl Server {
     ) -> Result<Self, StartError> {
         let mut registry = options.registry(options.port);
         registry.restore_with(Instant::now(), |take| store.load(take))?;
-        let start = |registry: &Arc<Mutex<Registry>>| {
-            let journal = Journal::start(store, registry.clone());
-            journal
-                .map(Persistence::Journal)
-                .map_err(StartError::Thread)
-        };
-        Self::open(options, registry, start).await
+        let registry = Arc::new(Mutex::new(registry));
+        let journal = Journal::start(store, registry.clone()).map_err(StartError::Thread)?;
+        Ok(Self::open(options, registry, Persistence::Journal(journal)).await?)
     }
 
     /// Starts a name server whose names are shared with other servers: a change is committed to the
@@ -317,10 +315,8 @@ impl Server {
         let registry = options
             .registry(options.port)
             .rebuilt(Instant::now(), content.changes());
-        let opened = Self::open(options.clone(), registry, |_| {
-            Ok::<_, PortError>(persistence)
-        });
-        let mut server = opened.await?;
+        let registry = Arc::new(Mutex::new(registry));
+        let mut server = Self::open(options.clone(), registry, persistence).await?;
         let registry = server.request_handler.shared_registry();
         let listeners = server.request_handler.effects();
         let writer = Writer {
@@ -350,16 +346,22 @@ impl Server {
         Ok(server)
     }
 
-    /// Opens the server's port and starts its tasks. `persistence` receives the registry in the
-    /// state in which it answers its first request.
-    async fn open<E: From<PortError>>(
+    /// Opens the server's port and starts its tasks. In a box, so that it is compiled in this crate only.
+    #[inline(never)]
+    fn open(
         options: ServerOptions,
-        registry: Registry,
-        persistence: impl FnOnce(&Arc<Mutex<Registry>>) -> Result<Persistence, E>,
-    ) -> Result<Self, E> {
+        registry: Arc<Mutex<Registry>>,
+        persistence: Persistence,
+    ) -> Pin<Box<dyn Future<Output = Result<Self, PortError>> + Send>> {
+        Box::pin(Self::open_port(options, registry, persistence))
+    }
+
+    async fn open_port(
+        options: ServerOptions,
+        registry: Arc<Mutex<Registry>>,
+        persistence: Persistence,
+    ) -> Result<Self, PortError> {
         let (effects, waiting) = mpsc::channel(MAX_QUEUED_EFFECTS);
-        let registry = Arc::new(Mutex::new(registry));
-        let persistence = persistence(&registry)?;
         let request_handler = Arc::new(RequestHandler::new(
             registry.clone(),
             persistence,

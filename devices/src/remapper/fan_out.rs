@@ -136,18 +136,19 @@ impl Remapper {
     ) -> Outcome<()> {
         axes.check_command(self.axes.len(), what, values.len())?;
         let shares = self.shares(axes)?;
-        let mut targets: Vec<_> = shares
-            .into_iter()
-            .map(|share| {
-                let own = share.values(values);
-                (share, own)
-            })
-            .collect();
-        if targets.len() > 1 {
-            // False comes before true, and the order is kept otherwise.
-            targets.sort_by_cached_key(|(share, own)| !doubtful(share, own));
+        let several = shares.len() > 1;
+        let mut likely = Vec::with_capacity(shares.len());
+        let mut unlikely = Vec::new();
+        for share in shares {
+            let own = share.values(values);
+            match several && doubtful(&share, &own) {
+                false => likely.push((share, own)),
+                true => unlikely.push((share, own)),
+            }
         }
-        self.all_of(interface, others, targets, |device, axes, values| {
+        // A refusal comes before others have moved.
+        unlikely.append(&mut likely);
+        self.all_of(interface, others, unlikely, |device, axes, values| {
             call(device, axes, values)
         })
     }
@@ -175,8 +176,23 @@ impl Remapper {
         targets: Vec<(DeviceShare<'_>, V)>,
         call: impl Fn(&dyn Device, Axes<'_>, &V) -> DeviceReply<()>,
     ) -> Outcome<()> {
+        let (shares, values): (Vec<_>, Vec<_>) = targets.into_iter().unzip();
+        self.each_of(interface, others, &shares, &|place| {
+            let share: &DeviceShare<'_> = &shares[place];
+            call(share.part.device.as_ref(), share.axes(), &values[place])
+        })
+    }
+
+    /// Makes a call for each share, by its place. What does not depend on the call is compiled once.
+    fn each_of(
+        &self,
+        interface: Interface,
+        others: OnRefusal,
+        shares: &[DeviceShare<'_>],
+        call: &dyn Fn(usize) -> DeviceReply<()>,
+    ) -> Outcome<()> {
         if others == OnRefusal::StopThere {
-            for (share, _) in &targets {
+            for share in shares {
                 if !(interface.has)(share.part.device.as_ref()) {
                     return Err(self.lack(interface, share.part, share.theirs[0]));
                 }
@@ -185,13 +201,13 @@ impl Remapper {
         let mut done = Vec::new();
         let mut undone = Vec::new();
         let mut refusal: Option<(&RemappedDevice, DeviceError)> = None;
-        for (share, values) in &targets {
+        for (place, share) in shares.iter().enumerate() {
             let part = share.part;
             if refusal.is_some() && others == OnRefusal::StopThere {
                 undone.push(part.name.clone());
                 continue;
             }
-            let error = match call(part.device.as_ref(), share.axes(), values) {
+            let error = match call(place) {
                 Some(Ok(())) => {
                     done.push(part.name.clone());
                     continue;
