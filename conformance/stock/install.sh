@@ -23,7 +23,7 @@ if [ -e "$stock/complete" ] && [ "$(cat "$stock/options.cmake")" = "$options" ];
 fi
 
 "$(dirname "$0")/../install_packages.sh" build-essential cmake ninja-build swig libace-dev libtinyxml-dev libsqlite3-dev \
-    libedit-dev libeigen3-dev libjpeg-dev libpng-dev zlib1g-dev python3-venv
+    libedit-dev libeigen3-dev libjpeg-dev libpng-dev zlib1g-dev python3-dev python3-venv
 
 rm -rf "$stock"
 mkdir -p "$(dirname "$stock")"
