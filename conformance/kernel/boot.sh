@@ -7,8 +7,9 @@
 # first process runs. The kernel hands parameters that it does not know to that process, as variables.
 #
 # KERNEL is Debian's package of the kernel, CACHE where it is kept unpacked, DEADLINE the seconds until the machine counts as
-# hung, LIBRARIES the files of libraries that the program loads by itself, CLOCK the option of QEMU for its clock: by default it counts instructions, so that a busy host makes the
-# machine slow but never late. The last line of its console is the verdict, and `$CONSOLE` has all of them.
+# hung, PROCESSORS how many the machine has (1), LIBRARIES the files of libraries that the program loads by itself, CLOCK the option of QEMU for
+# its clock: by default it counts instructions, so that a busy host makes the machine slow but never late. The last line of its console is the
+# verdict, and `$CONSOLE` has all of them.
 set -euo pipefail
 here="$(cd "$(dirname "$0")" && pwd)"
 cd "$here/../.."
@@ -20,6 +21,7 @@ shift 3
 KERNEL="${KERNEL:-linux-image-amd64}"
 CACHE="${CACHE:-$HOME/.cache/debian-kernel/$KERNEL}"
 DEADLINE="${DEADLINE:-600}"
+PROCESSORS="${PROCESSORS:-1}"
 CLOCK="${CLOCK:--icount shift=1,sleep=off}"
 
 fail() {
@@ -61,7 +63,7 @@ chmod +x "$disk/init"
     fail "no RAM disk could be made: $(cat "$work/cpio")"
 
 status=0
-timeout "$DEADLINE" qemu-system-x86_64 -M pc -cpu max -smp 1 -m 256 $CLOCK \
+timeout "$DEADLINE" qemu-system-x86_64 -M pc -cpu max -smp "$PROCESSORS" -m 256 $CLOCK \
     -kernel "$CACHE/vmlinuz" -initrd "$work/initrd" -append "console=ttyS0 quiet panic=-1 $*" \
     -nodefaults -no-reboot -display none -serial stdio </dev/null 2>&1 | tee "$CONSOLE" || status=$?
 [ "$status" = 0 ] || fail "the virtual machine ended with $status (124: after $DEADLINE s); try again with more seconds"

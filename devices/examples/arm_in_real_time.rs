@@ -3,7 +3,8 @@
 //!
 //! Checks that the settings are in effect, as `/proc` shows them, and that the kernel is the expected one: the variable
 //! `YARP_REALTIME_KERNEL` is 1 for one with PREEMPT_RT. Prints how late the periods began. No time is asserted: the clock
-//! of a virtual machine is not real.
+//! of a virtual machine is not real. With `YARP_REALTIME_PROCESSOR` the control thread is confined to that one of several
+//! processors, and only the settings are checked.
 //!
 //! Prints a line for each scenario, and `VERDICT: ` with `all N scenarios hold` or what failed.
 

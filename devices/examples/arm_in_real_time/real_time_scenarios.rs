@@ -15,8 +15,6 @@ use super::kernel::Kernel;
 
 /// Priority that the control thread asks for: not the default, so that it is known to come from here.
 const PRIORITY: u8 = 41;
-/// Processor that the control thread asks for: the only one of the virtual machine.
-const PROCESSOR: usize = 0;
 /// Periods that are watched: five seconds.
 const PERIODS: u64 = 2500;
 /// Number of threads of load, and bytes that each writes and reads again and again.
@@ -27,19 +25,24 @@ const FIFO: u64 = 1;
 
 /// Runs the scenarios and returns their number.
 pub(crate) fn run(interface: &str) -> usize {
+    let chosen = std::env::var("YARP_REALTIME_PROCESSOR").ok();
+    let chosen = chosen.map(|number| number.parse().expect("a number"));
     the_kernel_is_the_expected_one();
     let rig = Kernel::start(interface);
     let settings = CanOptions {
         real_time: RealTime {
             priority: Some(PRIORITY),
-            processor: Some(PROCESSOR),
+            processor: Some(chosen.unwrap_or(0)),
             lock_memory: true,
         },
         ..options()
     };
     let arm = CanWam::start(WamModel::<7>::new(), settings, rig.open()).expect("the arm is found");
     activate(&rig, &arm);
-    the_settings_are_in_effect();
+    the_settings_are_in_effect(chosen);
+    if chosen.is_some() {
+        return 2;
+    }
     let ending = AtomicBool::new(false);
     thread::scope(|scope| {
         for number in 0..LOADS {
@@ -101,7 +104,8 @@ fn line(status: &str, name: &str) -> String {
     found.unwrap_or_default().trim().to_owned()
 }
 
-fn the_settings_are_in_effect() {
+/// * `chosen`: the processor of the control thread, if there are several.
+fn the_settings_are_in_effect(chosen: Option<usize>) {
     let tasks = fs::read_dir("/proc/self/task").expect("there are tasks");
     let control = tasks
         .map(|task| task.expect("it is readable").path())
@@ -113,21 +117,27 @@ fn the_settings_are_in_effect() {
     let stat = read(&format!("{control}/stat"));
     // The name is in brackets and may contain anything; the state behind it is field 3.
     let fields = stat.rsplit_once(") ").expect("a name").1;
-    let field = |number: usize| {
+    let field = |number: usize| -> Option<u64> {
         fields
             .split(' ')
             .nth(number - 3)
             .and_then(|text| text.parse().ok())
     };
-    let (priority, policy): (Option<u64>, Option<u64>) = (field(40), field(41));
+    let running_on = field(39);
+    let (priority, policy) = (field(40), field(41));
+    let online = read("/sys/devices/system/cpu/online");
     let status = read(&format!("{control}/status"));
     let allowed = line(&status, "Cpus_allowed_list");
     let locked = line(&read("/proc/self/status"), "VmLck");
     println!(
-        "  /proc: policy {policy:?}, priority {priority:?}, processors {allowed}, locked {locked}"
+        "  /proc: policy {policy:?}, priority {priority:?}, processors {allowed} of {online}, on \
+         {running_on:?}, locked {locked}"
     );
     assert_eq!((policy, priority), (Some(FIFO), Some(PRIORITY.into())));
-    assert_eq!(allowed, PROCESSOR.to_string());
+    assert_eq!(online == "0", chosen.is_none(), "processors {online}");
+    let processor = chosen.unwrap_or(0);
+    assert_eq!(allowed, processor.to_string());
+    assert_eq!(running_on, Some(processor as u64));
     let kilobytes: u64 = locked.trim_end_matches(" kB").parse().expect("a number");
     assert!(kilobytes > 0, "{locked}");
     println!("the_settings_are_in_effect ok");
