@@ -137,18 +137,15 @@ impl Remapper {
         axes.check_command(self.axes.len(), what, values.len())?;
         let shares = self.shares(axes)?;
         let several = shares.len() > 1;
-        let mut likely = Vec::with_capacity(shares.len());
-        let mut unlikely = Vec::new();
-        for share in shares {
+        let with_values = shares.into_iter().map(|share| {
             let own = share.values(values);
-            match several && doubtful(&share, &own) {
-                false => likely.push((share, own)),
-                true => unlikely.push((share, own)),
-            }
-        }
-        // A refusal comes before others have moved.
-        unlikely.append(&mut likely);
-        self.all_of(interface, others, unlikely, |device, axes, values| {
+            (share, own)
+        });
+        // The doubtful ones first: a refusal comes before others have moved.
+        let (mut targets, rest): (Vec<_>, Vec<_>) =
+            with_values.partition(|(share, own)| several && doubtful(share, own));
+        targets.extend(rest);
+        self.all_of(interface, others, targets, |device, axes, values| {
             call(device, axes, values)
         })
     }
