@@ -104,11 +104,6 @@ impl RequestHandler {
         lock(&self.registry)
     }
 
-    /// Returns the registry, for other tasks that change it.
-    pub(crate) fn shared_registry(&self) -> Arc<Mutex<Registry>> {
-        self.registry.clone()
-    }
-
     /// Returns the queue of effects.
     pub(crate) fn effects(&self) -> mpsc::Sender<Effect> {
         self.effects.clone()

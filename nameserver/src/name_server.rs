@@ -316,8 +316,7 @@ impl Server {
             .registry(options.port)
             .rebuilt(Instant::now(), content.changes());
         let registry = Arc::new(Mutex::new(registry));
-        let mut server = Self::open(options.clone(), registry, persistence).await?;
-        let registry = server.request_handler.shared_registry();
+        let mut server = Self::open(options.clone(), registry.clone(), persistence).await?;
         let listeners = server.request_handler.effects();
         let writer = Writer {
             store,
