@@ -71,8 +71,6 @@ fn wait_for(task: CompiledHere<'static, ()>) {
 ///
 /// Panics as `future` does.
 pub async fn spawn<T: Send + 'static>(future: impl Future<Output = T> + Send + 'static) -> T {
-    // In a box, the code that runs a task is compiled once for each type of result instead of each future.
-    let future: CompiledHere<'static, T> = Box::pin(future);
     match runtime().spawn(future).await {
         Ok(done) => done,
         Err(error) => std::panic::resume_unwind(error.into_panic()),
