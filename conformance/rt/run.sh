@@ -8,17 +8,15 @@ work="$(mktemp -d)"
 trap 'rm -rf "$work"' EXIT
 
 on() {
-    echo "rt: $1"
-    KERNEL="$1" CONSOLE="$work/$1" DEADLINE="${RT_DEADLINE:-600}" \
-        conformance/kernel/boot.sh rt arm_in_real_time conformance/rt "YARP_REALTIME_KERNEL=$2"
+    echo "rt: $1, processors: ${PROCESSORS:-1}"
+    KERNEL="$1" CONSOLE="$work/$1-${PROCESSORS:-1}" DEADLINE="${RT_DEADLINE:-600}" \
+        conformance/kernel/boot.sh rt arm_in_real_time conformance/rt "YARP_REALTIME_KERNEL=$2" "${@:3}"
 }
 
 on linux-image-rt-amd64 1
 on linux-image-amd64 0
-echo "rt: two processors"
-KERNEL=linux-image-rt-amd64 DEADLINE="${RT_DEADLINE:-600}" PROCESSORS=2 CLOCK="-accel tcg,thread=multi" \
-    conformance/kernel/boot.sh rt arm_in_real_time conformance/rt YARP_REALTIME_KERNEL=1 YARP_REALTIME_PROCESSOR=1
+PROCESSORS=2 CLOCK="-accel tcg,thread=multi" on linux-image-rt-amd64 1 YARP_REALTIME_PROCESSOR=1
 echo "rt: delays of control periods"
 for kernel in linux-image-rt-amd64 linux-image-amd64; do
-    printf '%-22s %s\n' "$kernel" "$(grep -ao 'delays of control periods: .*' "$work/$kernel" | cut -d: -f2-)"
+    printf '%-22s %s\n' "$kernel" "$(grep -ao 'delays of control periods: .*' "$work/$kernel-1" | cut -d: -f2-)"
 done
